@@ -18,7 +18,7 @@ from pushfit.data.plans.schedule import read_schedule
 from pushfit.data.recordings.recognise import RecordingColumns
 from pushfit.data.recordings.recording import read_recording
 from pushfit.data.tables.columns import is_parquet
-from pushfit.data.tables.peak_table import read_table
+from pushfit.data.tables.grasps import read_tables
 from pushfit.data.tables.rules import CHANNELS
 from pushfit.data.text.dialects import find_layout
 from pushfit.data.text.faults import refuse
@@ -172,7 +172,7 @@ def _check_file(
     readers = {
         "recording": partial(read_recording, **recording_options),
         "schedule": read_schedule,
-        "table": read_table,
+        "table": read_tables,
         "settings": read_config,
     }
     try:

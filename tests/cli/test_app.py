@@ -275,6 +275,15 @@ def test_simulate_is_reproducible(tmp_path):
     assert main(["validate", str(tmp_path / "one.csv")]) == 0
 
 
+def test_validate_describes_grasp_by_grasp(tmp_path, capsys):
+    (tmp_path / "long.csv").write_text(
+        "grasp,theta_deg,alpha_deg,height_n\na,30,0,1\nb,45,0,2\nb,60,0,3\n"
+    )
+    assert main(["validate", "--json", str(tmp_path / "long.csv")]) == 0
+    files = json.loads(capsys.readouterr().out)["files"]
+    assert [(f["grasp"], f["pushes"]) for f in files] == [("a", 1), ("b", 2)]
+
+
 def test_validate_says_what_a_table_shows_that_cannot_be_right(tmp_path, capsys):
     rows = ["1,30,0,1,2.5", "2,45,0,1,2750", "3,60,0,1,2.75"]
     table = tmp_path / "peaks.csv"

@@ -4,7 +4,7 @@ Excluded: the checks (`pushfit.data.check`), the measuring of pushes
 (`pushfit.data.peaks.extract`) and the simulation (`pushfit.data.simulate`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -64,7 +64,12 @@ def validate(
     settings = read_settings(layout)
     checked = {path: check_files([path], **reader_options(settings)) for path in files}
     problems = [problem for of_file in checked.values() for problem in of_file]
-    found = [describe(path, settings) for path, faults in checked.items() if not faults]
+    found = [
+        facts
+        for path, faults in checked.items()
+        if not faults
+        for facts in describe(path, settings)
+    ]
     for problem in problems:
         session.complain(problem.message)
     if json:
@@ -214,13 +219,13 @@ def simulate(
     session.wrote(output, ": simulated")
 
 
-def describe(path: Path, config: "GraspConfig") -> dict[str, object]:
-    """What was recognised in one file."""
+def describe(path: Path, config: "GraspConfig") -> Iterator[dict[str, object]]:
+    """What was recognised in one file, of a table grasp by grasp."""
     from pushfit.data.check import directions, file_kind
     from pushfit.data.load import reader_options
     from pushfit.data.plans.schedule import read_schedule
     from pushfit.data.recordings.recording import read_recording
-    from pushfit.data.tables.peak_table import read_table
+    from pushfit.data.tables.grasps import read_tables
 
     layout = reader_options(config)
     kind = file_kind(path, **layout)
@@ -228,7 +233,7 @@ def describe(path: Path, config: "GraspConfig") -> dict[str, object]:
     if kind == "recording":
         recording = read_recording(path, **layout)
         angles = (recording.theta, recording.alpha)
-        return facts | {
+        yield facts | {
             "samples": len(recording.time),
             "time_s": [float(recording.time[0]), float(recording.time[-1])],
             "channels": [f"{name}_{unit}" for name, unit in recording.units.items()],
@@ -237,24 +242,29 @@ def describe(path: Path, config: "GraspConfig") -> dict[str, object]:
             "cautions": list(recording.cautions),
             "sources": [asdict(source) for source in recording.sources],
         }
-    if kind == "table":
+    elif kind == "table":
         # Which takes as long as JAX does.
         from pushfit.fit.checks.table_checks import faults_of
 
-        table = read_table(path)
-        return facts | {
-            "pushes": table.n_pushes,
-            "used": int(table.is_used.sum()),
-            **directions(table.theta, table.alpha),
-            "channels": [f"{name}_{table.unit}" for name in table.channels],
-            "notes": list(table.notes),
-            "warnings": [asdict(warning) for warning in faults_of(table)],
-            "sources": [asdict(source) for source in table.sources],
-        }
-    if kind == "settings":
-        return facts
-    plan = read_schedule(path)
-    return facts | {"pushes": plan.n_pushes, **directions(plan.theta, plan.alpha)}
+        for grasp, table in read_tables(path).items():
+            yield (
+                facts
+                | ({} if grasp is None else {"grasp": grasp})
+                | {
+                    "pushes": table.n_pushes,
+                    "used": int(table.is_used.sum()),
+                    **directions(table.theta, table.alpha),
+                    "channels": [f"{name}_{table.unit}" for name in table.channels],
+                    "notes": list(table.notes),
+                    "warnings": [asdict(warning) for warning in faults_of(table)],
+                    "sources": [asdict(source) for source in table.sources],
+                }
+            )
+    elif kind == "settings":
+        yield facts
+    else:
+        plan = read_schedule(path)
+        yield facts | {"pushes": plan.n_pushes, **directions(plan.theta, plan.alpha)}
 
 
 def as_text(facts: Mapping[str, object]) -> str:

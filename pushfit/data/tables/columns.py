@@ -22,7 +22,7 @@ from pushfit.data.recordings.recognise import ANGLES
 from pushfit.data.text.csv_reader import read_cells
 from pushfit.data.text.dialects import find_layout
 from pushfit.data.text.explain import Kind
-from pushfit.data.text.faults import ALIKE, data_error, problem
+from pushfit.data.text.faults import ALIKE, data_error, in_runs, problem
 from pushfit.data.text.files import PARQUET, Source, sha256_of
 from pushfit.data.text.textfile import open_text
 from pushfit.data.units import UNITS, Unit, in_degrees
@@ -58,6 +58,12 @@ class Origin:
             place += f", row {row}"
         made = problem(code, text, path=place, line=line, column=column, value=value)
         return replace(made, path=self.path)
+
+    def places(self, rows: Int[np.ndarray, " m"]) -> str:
+        """Lines of rows, or their numbers from 1 where there are no lines."""
+        if self.lines is None:
+            return f"rows {in_runs((rows + 1).tolist())}"
+        return f"lines {in_runs(self.lines[rows].tolist())}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -158,12 +164,14 @@ class Columns:
         frame: Canonical names and units; push and repeat are always there.
         unit: Unit of the signals, None where the table has none.
         notes: What was left out or filled in.
+        left_out: Columns that are not used.
         in_degrees: Column of each angle that states degrees.
     """
 
     frame: pd.DataFrame
     unit: str | None
     notes: tuple[str, ...]
+    left_out: tuple[str, ...]
     in_degrees: Mapping[str, str]
 
 
@@ -198,7 +206,13 @@ def read_columns(
     in_degrees = {
         stem: found[stem].given for stem in ANGLES if found[stem].unit == UNITS["deg"]
     }
-    return Columns(frame=frame, unit=unit, notes=tuple(notes), in_degrees=in_degrees)
+    return Columns(
+        frame=frame,
+        unit=unit,
+        notes=tuple(notes),
+        left_out=tuple(left_out),
+        in_degrees=in_degrees,
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

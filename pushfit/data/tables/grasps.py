@@ -16,12 +16,12 @@ from jaxtyping import UInt64
 from pandas.util import hash_pandas_object
 
 from pushfit.data.tables.columns import Origin, Rows, is_parquet, read_rows
-from pushfit.data.tables.peak_table import PeakTable
-from pushfit.data.tables.rules import KNOWN
+from pushfit.data.tables.peak_table import PeakTable, read_table
+from pushfit.data.tables.rules import GRASP, KNOWN, grasp_names
+from pushfit.data.text.faults import data_error, refuse
 from pushfit.data.text.files import Source
-from pushfit.errors import DataError
+from pushfit.errors import DataError, InputProblem
 
-COLUMN = "grasp"
 # The header of a table is in its first bytes.
 _HEAD = 4096
 
@@ -80,7 +80,7 @@ def is_long_table(path: str | Path) -> bool:
     header = next((line for line in lines if not line.startswith(b"#")), b"")
     for delimiter in (b";", b"\t", b" ", b'"', b"\xef\xbb\xbf"):
         header = header.replace(delimiter, b",")
-    return COLUMN.encode() in header.split(b",")
+    return GRASP.encode() in header.split(b",")
 
 
 def read_grasps(path: str | Path) -> Iterator[GraspRows]:
@@ -96,8 +96,10 @@ def read_grasps(path: str | Path) -> Iterator[GraspRows]:
         DataError: The file is no regular table, or a row names no grasp.
     """
     rows = read_rows(path, KNOWN)
-    column = next(c for c in rows.frame.columns if str(c).strip().lower() == COLUMN)
-    names = rows.frame[column].fillna("").astype(str).str.strip()
+    names = grasp_names(rows.frame)
+    if names is None:
+        raise refuse("no_grasp", "has no column grasp", path=str(path))
+    column = names.name
     if (names == "").any():
         place = _place(rows, int(np.argmax(names == "")))
         raise DataError(
@@ -119,6 +121,30 @@ def read_grasps(path: str | Path) -> Iterator[GraspRows]:
         )
 
 
+def read_tables(path: str | Path) -> dict[str | None, PeakTable]:
+    """The table of every grasp in a file.
+
+    Returns:
+        Tables by grasp, of which a file without the column names none.
+
+    Raises:
+        DataError: The file, or rows of some grasps, break a rule; `.problems` has all.
+    """
+    if not is_long_table(path):
+        return {None: read_table(path)}
+    tables: dict[str | None, PeakTable] = {}
+    problems: list[InputProblem] = []
+    for rows in read_grasps(path):
+        try:
+            tables[rows.grasp] = rows.table()
+        except DataError as error:
+            whole = InputProblem(code=error.code, message=str(error), path=str(path))
+            problems += error.problems or (whole,)
+    if problems:
+        raise data_error(problems)
+    return tables
+
+
 def _row_hashes(cells: pd.DataFrame) -> UInt64[np.ndarray, " n"]:
     """A number for each row that depends on its cells alone."""
     # As floats: one fraction in a column must not change the other grasps' digests.
@@ -136,7 +162,7 @@ def _place(rows: Rows, row: int) -> str:
 def _parquet_has_grasps(path: str | Path) -> bool:
     """Whether a Parquet file has the column."""
     try:
-        pd.read_parquet(path, engine="pyarrow", columns=[COLUMN])
+        pd.read_parquet(path, engine="pyarrow", columns=[GRASP])
     except (ImportError, OSError, ValueError, KeyError):
         return False
     return True

@@ -46,6 +46,7 @@ class PeakTable:
         notes: What was recognised, left out or filled in, for the user.
         traces: Signals that the heights were measured in, where there were any.
         cautions: Notes that the user should not overlook.
+        left_out: Columns of the user's that are not used.
     """
 
     frame: pd.DataFrame
@@ -54,6 +55,7 @@ class PeakTable:
     notes: tuple[str, ...] = ()
     traces: tuple[Trace, ...] = ()
     cautions: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
 
     @classmethod
     def from_frame(
@@ -74,10 +76,17 @@ class PeakTable:
             notes: Notes to begin with, for the user.
 
         Raises:
-            DataError: A column or a cell breaks a rule.
+            DataError: A column or a cell breaks a rule, or a column `grasp` names
+                several.
         """
-        checked, unit, more = canonical_frame(frame, origin or Origin())
-        return cls(frame=checked, unit=unit, sources=sources, notes=(*notes, *more))
+        checked, unit, columns = canonical_frame(frame, origin or Origin())
+        return cls(
+            frame=checked,
+            unit=unit,
+            sources=sources,
+            notes=(*notes, *columns.notes),
+            left_out=columns.left_out,
+        )
 
     @classmethod
     def from_arrays(

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from pushfit.data.tables.columns import COMMON, Columns, Known, Origin, read_columns
-from pushfit.data.text.faults import data_error
+from pushfit.data.text.faults import data_error, listed
 from pushfit.data.units import UNITS, implausible_angles
 from pushfit.errors import DataError, InputProblem
 
@@ -55,24 +55,29 @@ KNOWN: Known = {
     **dict.fromkeys(TEXTS, "bare"),
 }
 
+# Column that tells the pushes of several grasps apart.
+GRASP = "grasp"
+
 
 def canonical_frame(
     raw: pd.DataFrame, origin: Origin
-) -> tuple[pd.DataFrame, str, tuple[str, ...]]:
+) -> tuple[pd.DataFrame, str, Columns]:
     """Recognise, convert and check the columns of a table of peak heights.
 
     Args:
         raw: Columns as named by the user; cells are numbers or text.
 
     Returns:
-        Frame with canonical columns and units, unit of its heights, and notes on what
-        was left out or filled in.
+        Frame with canonical columns and units, unit of its heights, and what was left
+        out or filled in.
 
     Raises:
-        DataError: A column is missing, doubtful, twice there or in a wrong unit, or a
-            cell breaks its rule; all breaches are in `problems`.
+        DataError: A column is missing, doubtful, twice there or in a wrong unit, a
+            cell breaks its rule, or the pushes are of several grasps; all breaches are
+            in `problems`.
     """
     columns = read_columns(raw, KNOWN, origin, any_of=CHANNELS)
+    _refuse_several_grasps(raw, columns, origin)
     frame, unit = columns.frame, columns.unit
     if unit is None:
         raise DataError(
@@ -93,7 +98,36 @@ def canonical_frame(
         *TEXTS,
     ]
     ordered = frame.reindex(columns=[name for name in names if name in frame])
-    return ordered, unit, columns.notes
+    return ordered, unit, columns
+
+
+def grasp_names(raw: pd.DataFrame) -> pd.Series | None:
+    """Grasp of every row, under the name of the column; None where there is none."""
+    column = next((c for c in raw.columns if str(c).strip().lower() == GRASP), None)
+    return None if column is None else raw[column].fillna("").astype(str).str.strip()
+
+
+def _refuse_several_grasps(raw: pd.DataFrame, columns: Columns, origin: Origin) -> None:
+    """Refuse pushes of several grasps, which have parameters of their own."""
+    names = grasp_names(raw)
+    if names is None or names.nunique() == 1:
+        return
+    rows = {
+        str(name): f"{name or 'none'} ({origin.places(where)})"
+        for name, where in names.groupby(names, sort=False).indices.items()
+    }
+    text = (
+        f"names {len(rows)} grasps, each with parameters of its own: "
+        f"{listed([*rows.values()])}; `pushfit batch` identifies each of "
+        "them, else keep the rows of one"
+    )
+    raise data_error(
+        [
+            origin.problem(
+                "several_grasps", text, column=str(names.name), value=", ".join(rows)
+            )
+        ]
+    )
 
 
 def _rules(unit: str) -> dict[str, list]:

@@ -3,7 +3,8 @@
 Excluded: which fault it is (`pushfit.data.text.explain`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import groupby
 
 from pushfit.errors import ConfigError, DataError, InputProblem
 
@@ -83,6 +84,19 @@ def refuse_too_large(
             f"{max_bytes / 1e9:.3g} GB; {remedy}, or raise max_bytes",
             path=path,
         )
+
+
+def in_runs(numbers: Iterable[int]) -> str:
+    """Whole numbers that increase, those in a row by the ends of it.
+
+    Examples:
+        >>> in_runs([2, 3, 4, 7])
+        '2–4, 7'
+    """
+    # In a row, numbers less their places are equal.
+    rows = groupby(enumerate(numbers), key=lambda pair: pair[1] - pair[0])
+    runs = [[number for _, number in row] for _, row in rows]
+    return listed([f"{r[0]}–{r[-1]}" if len(r) > 1 else f"{r[0]}" for r in runs])
 
 
 def listed(texts: Sequence[str], most: int = 12) -> str:

@@ -10,6 +10,7 @@ import scipy
 from jaxtyping import Bool, Float, Int
 
 from pushfit.config import GraspConfig
+from pushfit.config.schema import GraspSection, PushSection
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import counted
 from pushfit.fit.checks.model_checking import MIN_TESTED, label
@@ -20,6 +21,8 @@ WRONG = {
     **dict.fromkeys(("equal_heights", "other_unit"), "the table"),
     "preload_contradicted": "the preload that is stated, or taken,",
 }
+# What a table cannot say of its pushes, though a column may be called so.
+SETTINGS = {"grasp": GraspSection, "push": PushSection}
 # Of the spread of push numbers, what lies within directions where their repeats were
 # made one after another; of whole sweeps it is most.
 IN_A_ROW = 0.1
@@ -84,6 +87,18 @@ def faults_of(table: PeakTable) -> Iterator[ResultWarning]:
         )
         yield ResultWarning(
             code="pushes_excluded", text=f"left out of the fit: {names}"
+        )
+    stated = {
+        name: f"{section}.{key}"
+        for name in table.left_out
+        for section, of in SETTINGS.items()
+        if (key := name.strip().lower()) in of.model_fields
+    }
+    for name, key in stated.items():
+        yield ResultWarning(
+            code="column_ignored",
+            text=f"the column {name} is not used: state it as {key}, and give pushes "
+            "of another value a table and settings of their own",
         )
     yield from _equal_heights(table)
     for row, words in unit_slips(table).items():

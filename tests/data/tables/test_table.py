@@ -9,6 +9,7 @@ import pytest
 from pushfit.atomic import atomic_path
 from pushfit.data.check import file_kind
 from pushfit.data.recordings.recording import Source
+from pushfit.data.tables.grasps import read_tables
 from pushfit.data.tables.peak_table import PeakTable, read_table, write_table
 from pushfit.errors import ConfigError, DataError
 from tests.tolerances import EXACT
@@ -33,6 +34,26 @@ def test_pushes_are_numbered_in_order_and_repeats_within_a_direction(tmp_path):
     assert table.frame["push"].tolist() == [1, 2, 3]
     assert table.frame["repeat"].tolist() == [1, 1, 2]
     assert table.groups.tolist() == [0, 1, 0]
+
+
+TWO = "Grasp," + GOOD.replace("\n1", "\na,1").replace("\n3", "\nb,3")
+
+
+def test_pushes_of_several_grasps_are_not_read_as_those_of_one(tmp_path):
+    error = rejected(tmp_path, TWO)
+    assert error.code == "several_grasps"
+    assert "a (lines 2, 4), b (lines 3)" in str(error)
+    assert "pushfit batch" in str(error)
+
+
+def test_a_table_may_name_its_one_grasp(tmp_path):
+    assert read_table(written(tmp_path, TWO.replace("b", "a"))).n_pushes == 3
+
+
+def test_grasps_in_one_file_are_read_apart(tmp_path):
+    tables = read_tables(written(tmp_path, TWO))
+    heights = {name: table.heights("height").tolist() for name, table in tables.items()}
+    assert heights == {"a": [1.0, 1.2], "b": [2.0]}
 
 
 def test_angles_are_radians_inside(tmp_path):

@@ -45,6 +45,22 @@ def test_elevations_that_miss_their_own_by_a_little_are_few(theta_deg, said):
     assert all(said in text for text in found)
 
 
+@pytest.mark.parametrize(
+    ("column", "key"),
+    [("preload_n", "grasp.preload_n"), ("length_mm", "push.length_mm"), ("who", None)],
+)
+def test_a_column_that_says_what_settings_say_is_not_silently_ignored(column, key):
+    table = case_table(CASES["paper"])
+    named = PeakTable.from_frame(table.frame.assign(**{column: 2.0}))
+    texts = [
+        warning.text
+        for warning in table_warnings(named, config())
+        if warning.code == "column_ignored"
+    ]
+    assert len(texts) == (key is not None)
+    assert all(f"{column} is not used: state it as {key}" in text for text in texts)
+
+
 @pytest.mark.parametrize("is_mixed", [False, True])
 def test_heights_of_two_definitions_in_one_fit_are_said(is_mixed):
     table = case_table(CASES["firm"], noise=0.02)
