@@ -160,7 +160,7 @@ class Belief:
         noise = self.noise(sd)
         r = (heights[:, None] - predicted) / noise
         if self.likelihood == "student_t":
-            density = -(STUDENT_DOF + 1) / 2 * np.log1p(r**2 / STUDENT_DOF)
+            density = -(STUDENT_DOF + 1) / 2 * np.log1p(r**2 / (STUDENT_DOF - 2))
         else:
             density = -(r**2) / 2
         change = np.sum(density - np.log(noise), axis=0)

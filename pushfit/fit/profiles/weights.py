@@ -14,7 +14,7 @@ import scipy
 from jaxtyping import Float, Int
 
 from pushfit.fit.problem.noise import Noise
-from pushfit.fit.problem.problem import STUDENT_DOF, Problem
+from pushfit.fit.problem.problem import STUDENT_DOF, STUDENT_SCALE, Problem
 from pushfit.fit.profiles.angle_errors import COMMON_SD, angle_slopes, steepness
 from pushfit.fit.results import FitResult, ResultWarning
 from pushfit.model import as_float
@@ -277,7 +277,7 @@ def tail_gain(problem: Problem, fit: FitResult, kind: str) -> float:
     """How much likelier Student-t noise makes the residuals of a fit by normal noise.
 
     Args:
-        kind: Of the noise; each channel has its likeliest scale unless it was given.
+        kind: Of the noise; each channel has its likeliest sd unless it was given.
 
     Returns:
         Log ratio of the likelihoods at the same heights: what a fit by Student-t noise
@@ -290,7 +290,7 @@ def tail_gain(problem: Problem, fit: FitResult, kind: str) -> float:
         own = (residuals / fit.sigma)[channels == c]
         if not np.any(own):
             continue  # heights without noise have no tails
-        wide = narrow = 1.0
+        wide, narrow = 1.0, STUDENT_SCALE
         if kind != "given":
             wide = np.sqrt(np.mean(own**2))
             narrow = _likeliest_scale(own)

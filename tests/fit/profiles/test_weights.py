@@ -121,8 +121,8 @@ def test_tails_gain_the_ratio_of_the_likelihoods(kind):
     scales = np.array([1.0]) if kind == "given" else np.geomspace(0.3, 3.0, 4001)
     squares = (z / scales[:, None]) ** 2
     normal = np.sum(-squares / 2 - np.log(2 * np.pi) / 2, axis=1)
-    # Γ(5/2) / (Γ(2) √(4π)) = 3/8.
-    student = np.sum(np.log(3 / 8) - 2.5 * np.log1p(squares / 4), axis=1)
+    # Γ(5/2) / (Γ(2) √(4π)) = 3/8, and a variance of 1 by a scale of 1 / √2.
+    student = np.sum(np.log(3 / 8 * 2**0.5) - 2.5 * np.log1p(squares / 2), axis=1)
     change = -z.size * np.log(scales)
     expected = np.max(student + change) - np.max(normal + change)
     found = tail_gain(fitted.setup.problem, fitted.fit, kind)
