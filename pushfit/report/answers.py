@@ -80,12 +80,14 @@ def alpha_star_answer(identification: Identification) -> AnswerText:
     quantity = identification.alpha_star
     subject = "The best push direction α*"
     if not is_trusted(identification):
-        return _unquoted("alpha_star", subject, identification)
+        answer = _unquoted("alpha_star", subject, identification)
+        free = identification.alpha_star_model_free
+        return _with_remarks(answer, [_model_free_remark(quantity, free)])
     answer = _angle_answer(identification, quantity, subject)
-    remarks = [
-        _reach_remark(answer, identification.config.reach.alpha_deg),
-        _model_free_remark(quantity, identification.alpha_star_model_free),
-    ]
+    remarks = [_reach_remark(answer, identification.config.reach.alpha_deg)]
+    if quantity.estimate is not None:
+        free = identification.alpha_star_model_free
+        remarks.append(_model_free_remark(quantity, free))
     return _with_caution(_with_remarks(answer, remarks), identification)
 
 
@@ -230,17 +232,20 @@ def _reach_remark(answer: AnswerText, reach: tuple[float, float]) -> str:
 
 
 def _model_free_remark(quantity: Quantity, free: Quantity | None) -> str:
-    """Whether a cosine through the heights alone gives the same direction."""
-    if free is None or free.estimate is None or quantity.estimate is None:
+    """What a cosine through the heights alone gives, and whether that is the same."""
+    if free is None or free.estimate is None:
         return ""
-    number = format_angle(free.estimate % HALF_TURN)
-    if free.interval is None or quantity.interval is None:
+    is_bare = quantity.estimate is not None and quantity.interval is None
+    if free.interval is None or is_bare:
+        number = format_angle(free.estimate % HALF_TURN)
         return f"A cosine through the heights alone gives {number}."
     low, high = free.interval
     spread = high - low
     number = format_angle(free.estimate % HALF_TURN, spread=spread)
     start = low % HALF_TURN
     number += f" ({format_range(start, start + spread, 'deg')})"
+    if quantity.estimate is None or quantity.interval is None:
+        return f"A cosine through the heights alone gives {number}."
     gap = abs(free.estimate - quantity.estimate) % HALF_TURN
     gap = min(gap, HALF_TURN - gap)
     # Half the sum of the widths: the intervals just touch.

@@ -75,10 +75,11 @@ def _reported(quantity: Quantity, found: Identification) -> Quantity:
         return replace(nothing, estimate=quantity.estimate, contraction=None)
     if found.fit.status is not FitStatus.OK:
         quantity = replace(quantity, likelihood_sets=())
-    if not is_trusted(found):
+    is_of_model = quantity.name != MODEL_FREE
+    if is_of_model and not is_trusted(found):
         return as_unknown(quantity)
     is_rejected = not found.goodness_of_fit.is_adequate
-    if is_rejected and verdict not in UNTOUCHED and quantity.name != MODEL_FREE:
+    if is_of_model and is_rejected and verdict not in UNTOUCHED:
         estimate = _finite(quantity.estimate) if verdict in MIDDLED else None
         return replace(nothing, estimate=estimate, verdict=Verdict.PROVISIONAL)
     return within_verdict(

@@ -181,6 +181,7 @@ def result_warnings(
             problems = (
                 f"of the weighted draws {posterior.ess or 0:.0f} count, and the tail "
                 f"of their weights has the shape {posterior.pareto_k or np.nan:.2f}",
+                'the engines "auto" and "emcee" do without weights',
             )
         yield ResultWarning(
             code=posterior.status.name.lower(),

@@ -41,8 +41,8 @@ class FitStatus(enum.Enum):
         "push at more angles"
     )
     NOT_CONVERGED = (
-        "the posterior has not converged; state a number or a narrower prior for a "
-        "parameter, push at more angles, or try the other engine"
+        "the posterior has not converged; push at more angles, or state a number or a "
+        "narrower prior for a parameter"
     )
 
 

@@ -61,6 +61,9 @@ def test_an_integral_that_is_not_settled_is_no_solver_that_stopped(monkeypatch):
     texts = [n.text for n in result.warnings if n.code == "not_converged"]
     assert len(texts) == 1
     assert "of the weighted draws" in texts[0]
+    # That of emcee says nothing of another engine: `auto` came from it.
+    assert 'engines "auto" and "emcee"' in texts[0]
+    assert "engine" not in FitStatus.NOT_CONVERGED.value
     assert "step limit" not in " ".join(n.text for n in result.warnings)
 
 

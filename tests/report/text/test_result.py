@@ -129,12 +129,22 @@ def test_without_a_note_the_missing_directions_are_the_reason(theta_only):
     "status", [FitStatus.NOT_CONVERGED, FitStatus.MAX_STEPS, FitStatus.NO_FINITE_START]
 )
 def test_untrusted_numerics_quote_no_number_of_the_posterior(determined, status):
-    result = reported(replace(determined, status=status))
+    by_model = replace(determined, status=status, alpha_star_model_free=None)
+    result = reported(by_model)
     for sentence in (sentence_theta_c(result), sentence_alpha_star(result)):
         assert status.value in sentence
         assert not INTERVAL.search(sentence)
     parameters = render_text(result).split("Parameters\n")[1].split("Correlations")[0]
     assert not INTERVAL.search(parameters)
+
+
+def test_numerics_take_nothing_from_what_no_model_was_needed_for(determined):
+    """A cosine through the heights alone has its minimum at 66.0°, within 2°."""
+    result = reported(replace(determined, status=FitStatus.NOT_CONVERGED))
+    sentence = sentence_alpha_star(result)
+    assert sentence.endswith(
+        "A cosine through the heights alone gives 66.0° (64.0° to 68.0°)."
+    )
 
 
 def test_an_unconverged_posterior_is_untrusted_even_if_the_result_forgot_to_say_so(
