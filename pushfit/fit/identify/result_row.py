@@ -16,7 +16,7 @@ from jaxtyping import Float
 from pushfit.fit.assess.reporting_rules import is_trusted
 from pushfit.fit.problem.priors.tabulated_density import TabulatedDensity
 from pushfit.fit.results import Identification, Quantity
-from pushfit.parameters import STIFFNESSES
+from pushfit.parameters import HALF_TURN, STIFFNESSES
 
 Cell = float | int | str | None
 
@@ -149,11 +149,17 @@ def _density(
 
 
 def _angle(quantity: Quantity) -> dict[str, Cell]:
-    """Columns of an angle, its set among them."""
-    name = quantity.name
+    """Columns of an angle, its set among them.
+
+    The interval of an axis may end beyond a half turn; its estimate lies between its
+    ends, there as well.
+    """
+    name, estimate = quantity.name, quantity.estimate
     low, high = quantity.interval or (None, None)
+    if low is not None and estimate is not None and estimate < low:
+        estimate = low + (estimate - low) % HALF_TURN
     return {
-        f"{name}_deg": quantity.estimate,
+        f"{name}_deg": estimate,
         f"{name}_low_deg": low,
         f"{name}_high_deg": high,
         f"{name}_sets": json.dumps(quantity.sets) if quantity.sets else None,

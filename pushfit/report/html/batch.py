@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from pushfit.fit.results import Piece, Verdict
-from pushfit.parameters import ANGLES
+from pushfit.parameters import ANGLES, HALF_TURN
 from pushfit.report.fact_rows import SET_VERDICTS, verdict_word
 from pushfit.report.html.pages import render_page
 from pushfit.report.strings import (
@@ -202,7 +202,10 @@ def _cell(entry: Entry, axis: Axis) -> dict[str, object]:
     )
     value = ""
     if entry.estimate is not None:
-        value = with_unit(format_number(entry.estimate, spread=spread), entry.unit)
+        # On the axis of an interval across the seam it may lie beyond a half turn.
+        is_beyond = entry.unit == "deg" and entry.estimate > HALF_TURN
+        shown = entry.estimate - HALF_TURN * is_beyond
+        value = with_unit(format_number(shown, spread=spread), entry.unit)
     bars = []
     for low, high in entry.pieces:
         start = axis.place(low, default=0.0)

@@ -1,15 +1,22 @@
 """Prior densities that travel with the draws."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
 
-from pushfit.fit.identify.result_row import prior_of_angle, tabulated_prior
+from pushfit.fit.identify.result_row import (
+    flat_values,
+    prior_of_angle,
+    tabulated_prior,
+)
 from pushfit.fit.problem.priors.distributions import default_priors
 from pushfit.fit.problem.setup import build_problem
 from pushfit.fit.sweep.prior import marginal_priors
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
+from tests.report.makers import make_angle, make_whole
 
 # Four standard errors of a kernel density of 3900 draws, and its bias, in the bulk.
 KERNEL_TOL = 0.2
@@ -51,6 +58,14 @@ def test_the_prior_of_the_angle_is_a_density_in_degrees():
     slope = 2 / np.sin(2 * np.radians(theta)) * np.pi / 180
     expected = stats.norm.logpdf(u, 0.3, 1.5) + np.log(slope)
     np.testing.assert_allclose(found, expected, rtol=0, atol=KERNEL_TOL)
+
+
+@pytest.mark.parametrize(("estimate", "on_axis"), [(178.0, 178.0), (3.0, 183.0)])
+def test_an_axis_lies_between_the_ends_of_its_interval(estimate, on_axis):
+    axis = make_angle("alpha_star", estimate, interval=(174.0, 187.0))
+    row = flat_values(replace(make_whole(with_alpha=True), alpha_star=axis))
+    assert row["alpha_star_deg"] == on_axis
+    assert row["alpha_star_low_deg"] < on_axis < row["alpha_star_high_deg"]
 
 
 def test_a_fixed_angle_has_no_prior():

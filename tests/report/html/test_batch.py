@@ -74,6 +74,14 @@ def bars(row: str) -> list[tuple[float, float]]:
     return [(float(x), float(x) + float(width)) for x, width in found]
 
 
+def test_an_axis_beyond_a_half_turn_is_said_as_an_azimuth(frame):
+    row = {"alpha_star_deg": 183.0, "alpha_star_verdict": "determined"}
+    row |= {"alpha_star_low_deg": 174.0, "alpha_star_high_deg": 187.0}
+    first = rows(render_batch(frame.assign(**row)))[0]
+    assert ">3.0°" in re.sub(r"\s", "", first)
+    assert "183.0°" not in first
+
+
 def test_bars_of_all_items_share_one_scale(frame):
     """10° and 50° are the ends, with a margin of 3 % of the 40° between."""
     first, second, third, _ = rows(render_batch(frame))
