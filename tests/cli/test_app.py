@@ -275,6 +275,21 @@ def test_simulate_is_reproducible(tmp_path):
     assert main(["validate", str(tmp_path / "one.csv")]) == 0
 
 
+def test_validate_says_once_what_is_wrong_in_many_rows(tmp_path, capsys):
+    rows = [f"{theta},0,{'x' if theta == 15 else 1},0" for theta in (5, 10, 15, 20)]
+    table = tmp_path / "peaks.csv"
+    table.write_text("\n".join(["theta_deg,alpha_deg,height_n,height_sd_n", *rows]))
+    assert main(["validate", str(table)]) == 3
+    (bad_height,) = capsys.readouterr().err.splitlines()
+    assert ", line 4, column height_n: 'x' is not a number" in bad_height
+    table.write_text(table.read_text().replace("x", "1"))
+    assert main(["validate", "--json", str(table)]) == 3
+    captured = capsys.readouterr()
+    (bad_sd,) = captured.err.splitlines()
+    assert ", lines 2–5, column height_sd_n: 0 is no standard deviation" in bad_sd
+    assert len(json.loads(captured.out)["problems"]) == len(rows)
+
+
 def test_validate_describes_grasp_by_grasp(tmp_path, capsys):
     (tmp_path / "long.csv").write_text(
         "grasp,theta_deg,alpha_deg,height_n\na,30,0,1\nb,45,0,2\nb,60,0,3\n"

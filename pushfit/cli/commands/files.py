@@ -60,6 +60,7 @@ def validate(
     """Say what files hold, or what is wrong with them."""
     from pushfit.data.check import check_files
     from pushfit.data.load import reader_options
+    from pushfit.data.text.faults import in_few_lines
 
     settings = read_settings(layout)
     checked = {path: check_files([path], **reader_options(settings)) for path in files}
@@ -70,8 +71,8 @@ def validate(
         if not faults
         for facts in describe(path, settings)
     ]
-    for problem in problems:
-        session.complain(problem.message)
+    for message in in_few_lines(problems):
+        session.complain(message)
     if json:
         session.print_json(
             {

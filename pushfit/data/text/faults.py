@@ -46,9 +46,25 @@ def problem(
 
 def data_error(problems: Sequence[InputProblem]) -> DataError:
     """Make the error that reports all of several problems."""
-    first, n_more = problems[0], len(problems) - 1
-    more = f" (and {n_more} more)" if n_more else ""
-    return DataError(first.message + more, code=first.code, problems=tuple(problems))
+    message, *others = in_few_lines(problems)
+    more = f" (and {len(others)} more)" if others else ""
+    return DataError(message + more, code=problems[0].code, problems=tuple(problems))
+
+
+def in_few_lines(problems: Iterable[InputProblem]) -> list[str]:
+    """Messages in their order, those that differ by the line of a file alone as one."""
+    lines: dict[tuple[str, str], list[int]] = {}
+    for one in problems:
+        before, place, after = one.message.partition(f", line {one.line}")
+        of_this = lines.setdefault((before, after), [])
+        if place and one.line is not None:
+            of_this.append(one.line)
+    return [
+        f"{before}, line{'s' * (len(of_this) > 1)} {in_runs(of_this)}{after}"
+        if of_this
+        else before
+        for (before, after), of_this in lines.items()
+    ]
 
 
 def refuse(code: str, text: str, *, path: str, line: int | None = None) -> DataError:
