@@ -18,7 +18,7 @@ import scipy
 from jaxtyping import Array, Float
 
 from pushfit.config import GraspConfig
-from pushfit.config.rivals import rival_configs
+from pushfit.config.rivals import NOISES, rival_configs
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import DataError, check_seed
 from pushfit.fit.checks.model_checking import goodness_of_fit
@@ -31,7 +31,7 @@ from pushfit.fit.problem.encoding import encode
 from pushfit.fit.problem.noise import with_noise, with_plain_noise
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.repeats.effects import both_ways, is_crossed
-from pushfit.fit.problem.setup import build_problem
+from pushfit.fit.problem.setup import Setup, build_problem
 from pushfit.fit.profiles.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.programs.compile import compiled, in_chunks
 from pushfit.fit.results import FitStatus, PosteriorResult
@@ -151,6 +151,8 @@ class Comparison:
         n_pushes: Number of pushes that all of them answer for.
         noise: Noise model of all of them: "given", "pooled" or "sampled".
         seed: Seed of all randomness.
+        left_out: Names of models that came out as the configured one: their noise is
+            estimated, and the residuals have none of it.
     """
 
     models: tuple[ModelScore, ...]
@@ -159,6 +161,7 @@ class Comparison:
     n_pushes: int
     noise: str
     seed: int
+    left_out: tuple[str, ...] = ()
 
     @property
     def status(self) -> FitStatus:
@@ -227,6 +230,9 @@ def compare_models(
         n_pushes=len(fitted.setup.rows),
         noise=sigma,
         seed=seed,
+        left_out=tuple(
+            name for name in configs if name not in {s.name for s in scores}
+        ),
     )
 
 
@@ -325,18 +331,30 @@ def _scores(
     seed: int,
     progress: Progress | None,
 ) -> list[ModelScore]:
-    """All models, not yet compared: every second one beside the others."""
+    """All models, not yet compared: every second one beside the others.
 
-    def score(name: str) -> ModelScore:
-        return _score(name, _refitted(fitted, configs[name]), seed)
+    Returns:
+        Without those whose noise the residuals were to tell, and have none of.
+    """
+
+    def score(name: str) -> list[ModelScore]:
+        own = _refitted(fitted, configs[name])
+        is_same = "height_share" in NOISES.get(name, ()) and not _adds_noise(own.setup)
+        return [] if is_same else [_score(name, own, seed)]
 
     names, scores = list(configs), []
-    others = Beside(lambda _: list(map(score, names[1::2])))
+    others = Beside(lambda _: [one for name in names[1::2] for one in score(name)])
     for index, name in enumerate(names[::2]):
         if progress is not None:
             progress(name.replace("_", " "), 2 * index / len(names))
-        scores.append(score(name))
+        scores += score(name)
     return sorted((*scores, *others.result()), key=lambda one: names.index(one.name))
+
+
+def _adds_noise(setup: Setup) -> bool:
+    """Whether heights have more noise than what was known before a fit."""
+    known = np.stack([sd[list(setup.rows)] for sd in setup.noise.sd.values()])
+    return bool(np.any(np.asarray(setup.problem.sd)[:, : len(setup.rows)] > known))
 
 
 def _refitted(fitted: Fitted, config: GraspConfig) -> Fitted:

@@ -205,6 +205,28 @@ def test_a_table_that_cannot_be_right_is_refused(monkeypatch):
         compare_models(stuck, config())
 
 
+@pytest.mark.parametrize(("share", "is_told"), [(0.0, False), (0.2, True)])
+def test_noise_that_residuals_have_none_of_is_no_other_model(
+    share, is_told, monkeypatch
+):
+    """Beside a constant part that is stated; a fifth of the height is far above it."""
+
+    def some(config, **_):
+        return {"soft": config, "proportional": rival_configs(config)["proportional"]}
+
+    monkeypatch.setattr(comparison, "rival_configs", some)
+    table = case_table(CASES["firm"], noise=0.05, seed=5, theta_deg=SEVEN_DEG)
+    clean = case_table(CASES["firm"], theta_deg=SEVEN_DEG).heights("height")
+    noise = np.random.default_rng(1).normal(size=clean.size)
+    # Half of what is stated, so that nothing is left beside it.
+    heights = clean + (0.025 + share * clean) * noise
+    table = dataclasses.replace(table, frame=table.frame.assign(height_n=heights))
+    found = compare_models(table, config(), seed=0)
+    names = {model.name for model in found.models}
+    assert names == {"soft", "proportional"} - set(found.left_out)
+    assert ("proportional" in names) is is_told
+
+
 @pytest.mark.slow
 def test_models_are_ranked_as_by_brute_force():
     """Evidence over a dense grid of ln A, ln B and ln C_rr, in NumPy."""

@@ -43,7 +43,11 @@ def comparison_text(comparison: Comparison) -> str:
 
 def comparison_sentences(comparison: Comparison) -> list[str]:
     """Which models the heights tell apart, by each criterion."""
-    sentences = []
+    sentences = [
+        f"The residuals have no {name} noise beside the constant one, so that this "
+        "model is left out: it would be the one that is configured."
+        for name in comparison.left_out
+    ]
     if comparison.why_no_evidence is None:
         sentences += _told_apart(
             comparison,
@@ -107,6 +111,7 @@ def comparison_dict(comparison: Comparison) -> dict[str, Json]:
         "seed": comparison.seed,
         "why_no_evidence": comparison.why_no_evidence,
         "models": {model.name: _entry(model) for model in comparison.models},
+        "left_out": list(comparison.left_out),
         "sentences": [*_warnings(comparison), *comparison_sentences(comparison)],
     }
     return {key: json_safe(value) for key, value in content.items()}

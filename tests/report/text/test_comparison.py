@@ -28,6 +28,13 @@ def test_models_that_the_heights_do_not_tell_apart_are_named():
     )
 
 
+def test_a_model_that_is_the_configured_one_is_not_compared_with_it():
+    found = replace(make_comparison(), left_out=("proportional",))
+    first, *_ = comparison_sentences(found)
+    assert "no proportional noise" in first
+    assert comparison_dict(found)["left_out"] == ["proportional"]
+
+
 def test_a_single_best_model_is_favoured():
     found = make_comparison(evidence=(12.0, 10.0, 9.0), elpd=(0.0, -0.5, -0.5))
     first, second = comparison_sentences(found)
