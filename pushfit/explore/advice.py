@@ -64,11 +64,9 @@ def _sentence(found: Identification, angle: str) -> str | None:
     if survey.length_share < 1 or not np.any(survey.gains > WORTHWHILE):
         return None
     best = int(survey.ranks[0])
-    target = AskedAngle(
-        values=belief.samples[angle],
-        is_axis=angle == "alpha_star",
-        width=np.inf,
-        prob=prob,
+    reach = found.config.reach.alpha_deg
+    target = AskedAngle.of(
+        angle, belief.samples[angle], reach=reach, width=np.inf, prob=prob
     )
     heights = survey.predicted.heights[best]
     width = outlook(

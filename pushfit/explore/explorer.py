@@ -361,13 +361,13 @@ class Explorer:
         """How it stands, for a picture with pushes of `ask`."""
         return Overview(
             angle=self.angle,
+            targets=self.judge.targets(self.belief, self.question),
             belief=self.belief,
             survey=self.survey(is_full=True),
             state=self.state,
             course=tuple(self.history.course),
             told=tuple(self.history.told),
             suggestions=suggestions,
-            width=self.judge.width,
         )
 
     @property
@@ -388,7 +388,7 @@ class Explorer:
     def _suggestions(self, n: int) -> list[Suggestion]:
         """The n best pushes; when one is due, the reference push alone."""
         belief, survey = self.belief, self.survey()
-        target = self.judge.target(belief, self.angle)
+        target = self.judge.targets(belief, self.question)[self.angle]
         due = reference_due(self.history.told, self.limits)
         failed = [(f.theta, f.alpha) for f in self.history.in_a_row]
         if due is not None and survey.length_share == 1.0 and not failed:

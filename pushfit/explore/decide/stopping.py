@@ -92,24 +92,28 @@ class Judge:
                 code="ask",
             )
 
-    def target(self, belief: Belief, angle: str) -> AskedAngle:
-        """An asked angle as it is believed, and what would decide it."""
-        return AskedAngle(
-            values=belief.samples[angle],
-            is_axis=angle == "alpha_star",
-            width=self.width,
-            prob=self.prob,
-        )
+    def targets(self, belief: Belief, question: Question) -> dict[str, AskedAngle]:
+        """The asked angles as they are believed, and what would decide them."""
+        return {
+            angle: AskedAngle.of(
+                angle,
+                belief.samples[angle],
+                reach=question.config.reach.alpha_deg,
+                width=self.width,
+                prob=self.prob,
+            )
+            for angle in question.ask
+        }
 
     def intervals(
         self, belief: Belief, question: Question
     ) -> dict[str, Interval | None]:
         """Shortest posterior interval of every asked angle, if draws show one [deg]."""
         return {
-            angle: shortest_interval(self.target(belief, angle), belief.weights)
+            angle: shortest_interval(target, belief.weights)
             if belief.ess >= FEWEST_DRAWS
             else None
-            for angle in question.ask
+            for angle, target in self.targets(belief, question).items()
         }
 
     def undecided(
@@ -250,7 +254,7 @@ class Judge:
             return None, None
 
         rng = np.random.default_rng([self.seed, n_told])
-        targets = tuple(self.target(belief, angle) for angle in question.ask)
+        targets = tuple(self.targets(belief, question).values())
         for _ in range(n_looks):
             imagined = imagine(
                 survey.predicted.heights,

@@ -55,30 +55,31 @@ def exploration_picture(seen: Overview) -> "Figure":
         seen: What `Explorer.overview` returns.
     """
     angle, course = seen.angle, seen.course
-    n = 2 if len(course) < 2 else 3
+    known = list(seen.targets)
+    n = len(known) + 1 + (len(course) > 1)
     figure = new_figure(width=PAGE * n / 2.6, height=3.2)
     axes = figure.subplots(1, n)
-    _draw_known(axes[0], seen)
-    _draw_gains(axes[1], seen)
-    if n == 3:
-        draw_course(axes[2], course, angle)
+    for panel, name in zip(axes, known, strict=False):
+        _draw_known(panel, seen, name)
+    _draw_gains(axes[len(known)], seen)
+    if len(course) > 1:
+        draw_course(axes[-1], course, angle, is_axis=seen.targets[angle].is_axis)
     figure.suptitle(seen.state.sentence, x=0.01, ha="left", fontsize=9, wrap=True)
     # Ticks follow the size of their panel, and labels these: solved twice.
     figure.draw_without_rendering()
     return figure
 
 
-def _draw_known(axes: "Axes", seen: Overview) -> None:
-    """Posterior of the angle, with its interval and the width that would decide."""
-    angle, width, interval = seen.angle, seen.width, seen.state.intervals[seen.angle]
-    values, weights = seen.belief.samples[angle], seen.belief.weights
+def _draw_known(axes: "Axes", seen: Overview, angle: str) -> None:
+    """Posterior of an angle, with its interval and the width that would decide."""
+    target, interval = seen.targets[angle], seen.state.intervals[angle]
+    values, weights, width = target.values, seen.belief.weights, target.width
     is_there = np.isfinite(values) & (weights > 0)
     values = values[is_there]
-    low, high = 0.0, 90.0
-    if angle == "alpha_star":
-        values, high = np.mod(values, HALF_TURN), HALF_TURN
-    elif values.size and np.min(values) < 0:  # a preload may lower it so far
-        low = float(np.floor(np.min(values) / 10) * 10)
+    low, high = 0.0, HALF_TURN if angle == "alpha_star" else 90.0
+    if values.size:  # a preload may lower θ_c, and a reach lie where it likes
+        low = min(low, float(np.floor(np.min(values) / 10) * 10))
+        high = max(high, float(np.ceil(np.max(values) / 10) * 10))
     edges = np.linspace(low, high, N_BINS + 1)
     mass, _ = np.histogram(values, edges, weights=weights[is_there])
     axes.stairs(mass / np.diff(edges), edges, fill=True, color=BLUE, alpha=0.85)
@@ -150,12 +151,18 @@ def _mark(
         axes.plot(x, y, "x", color=GREY, ms=4, label=f"{label} of limits")
 
 
-def draw_course(axes: "Axes", course: Sequence[State], angle: str) -> None:
-    """Interval of the angle, and chance to decide, after each push."""
+def draw_course(
+    axes: "Axes", course: Sequence[State], angle: str, *, is_axis: bool = False
+) -> None:
+    """Interval of the angle, and chance to decide, after each push.
+
+    Args:
+        is_axis: Whether 180° is 0°.
+    """
     n = [state.n_pushes for state in course]
     ends = [state.intervals[angle] or (np.nan, np.nan) for state in course]
     lower, upper = np.transpose(ends)
-    if angle == "alpha_star":  # an axis has no ends: each interval beside the last
+    if is_axis:  # it has no ends: each interval beside the last
         known = np.isfinite(lower)
         middle = (lower + upper)[known] / 2
         shift = np.unwrap(middle, period=HALF_TURN) - middle

@@ -24,6 +24,7 @@ from pushfit.mechanics.directions import critical_angle
 from pushfit.model import Parameters
 from pushfit.parameters import HALF_TURN
 from pushfit.report.figures.exploration import draw_course, exploration_picture
+from pushfit.report.figures.style import symbol_label
 from pushfit.report.store.read import read_result
 from tests.cli.test_app import session
 from tests.cli.test_progress import everything
@@ -216,12 +217,16 @@ def test_no_legend_of_the_map_hides_what_is_drawn():
     own = explorer(ask="both", limits=Limits(force=2.9))
     figure = exploration_picture(own.overview(own.ask()))
     figure.draw_without_rendering()
-    known, gains, *others = figure.axes
+    *known, gains, bar = figure.axes
+    # Both angles are asked for, and both are shown.
+    assert [axes.get_xlabel() for axes in known] == [
+        symbol_label(name, "°") for name in ("theta_c", "alpha_star")
+    ]
     legend = gains.get_legend()
     assert legend is not None
     assert len(legend.get_texts()) == 3
     box = legend.get_window_extent()
-    assert not any(box.overlaps(axes.bbox) for axes in (known, gains, *others))
+    assert not any(box.overlaps(axes.bbox) for axes in (*known, gains, bar))
 
 
 def step(*, number, fault, chance):
@@ -265,7 +270,7 @@ def test_an_axis_that_passes_its_end_does_not_leap_in_the_picture():
         for n, one in enumerate(ends)
     ]
     axes = Figure().subplots()
-    draw_course(axes, course, "alpha_star")
+    draw_course(axes, course, "alpha_star", is_axis=True)
     lower, upper = (line.get_ydata()[:3] for line in axes.lines)
     np.testing.assert_allclose(lower, [170.0, 178.0, 180.0], rtol=EXACT)
     np.testing.assert_allclose(upper, [182.0, 186.0, 188.0], rtol=EXACT)
