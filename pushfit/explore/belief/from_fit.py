@@ -75,23 +75,18 @@ def believe(
         return _prior_belief(question, seed)
     if stages is None:  # a caller in Python, who sees no progress
         keep_programs()
-    table = _with_open_direction(table, question)
-    settings, warnings = prepared(table, question.settings)
-    first, *others = settings.by_mechanics()
     stages = stages or Stages(())
-    stages.begin(posterior_stage(first))
-    drawn = _drawn(table, first, seed)
+    settings, warnings = prepared(table, question.settings)
+    asked = _with_open_direction(table, question)
+    if asked is not table and len(settings.by_mechanics()) > 1:
+        # What is asked turns no choice of the mechanics.
+        leading = _leading(table, settings, seed, stages)
+        settings = settings if leading is None else leading.settings
+    drawn = _leading(asked, settings, seed, stages)
     if drawn is None:
         return _prior_belief(question, seed)
-    if others and is_tilt_large(drawn.setup, drawn.posterior):
-        stages.begin(posterior_stage(others[0]))
-        other = _drawn(table, others[0], seed)
-        if other is not None and do_draws_tilt(
-            drawn.posterior, other.posterior, prob=settings.report.prob
-        ):
-            drawn = other
     belief = belief_from(drawn.setup, drawn.posterior.samples, seed=seed)
-    told = _told_by_draws(table, drawn, settings, seed=seed)
+    told = _told_by_draws(asked, drawn, seed=seed)
     return replace(belief, warnings=(*warnings, *told))
 
 
@@ -121,8 +116,26 @@ def unlike_others(told: Sequence[ToldPush], question: Question) -> tuple[LeftOut
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Drawn:
+    settings: GraspConfig
     setup: Setup
     posterior: PosteriorResult
+
+
+def _leading(
+    table: PeakTable, settings: GraspConfig, seed: int, stages: Stages
+) -> _Drawn | None:
+    """Draws by the mechanics that would lead the identification of a table."""
+    first, *others = settings.by_mechanics()
+    stages.begin(posterior_stage(first))
+    drawn = _drawn(table, first, seed)
+    if drawn is None or not others or not is_tilt_large(drawn.setup, drawn.posterior):
+        return drawn
+    stages.begin(posterior_stage(others[0]))
+    other = _drawn(table, others[0], seed)
+    prob = settings.report.prob
+    if other is not None and do_draws_tilt(drawn.posterior, other.posterior, prob=prob):
+        return other
+    return drawn
 
 
 def _drawn(table: PeakTable, settings: GraspConfig, seed: int) -> _Drawn | None:
@@ -148,16 +161,16 @@ def _drawn(table: PeakTable, settings: GraspConfig, seed: int) -> _Drawn | None:
                 reach=reach_of(settings),
             )
             if posterior.status is FitStatus.OK:
-                return _Drawn(setup=setup, posterior=posterior)
+                return _Drawn(settings=settings, setup=setup, posterior=posterior)
         if len(setup.rows) >= WORTH_A_CHAIN:
             fitted = fit_table(table, settings)
             posterior = draw_posterior(fitted, seed=seed, engine="emcee")
-            return _Drawn(setup=fitted.setup, posterior=posterior)
+            return _Drawn(settings=settings, setup=fitted.setup, posterior=posterior)
     return None
 
 
 def _told_by_draws(
-    table: PeakTable, drawn: _Drawn, settings: GraspConfig, *, seed: int
+    table: PeakTable, drawn: _Drawn, *, seed: int
 ) -> Iterator[ResultWarning]:
     """Whether the model describes the heights, and its draws are what priors expect."""
     checks = predictive_checks(table, drawn.setup, drawn.posterior, seed=seed)
@@ -170,7 +183,9 @@ def _told_by_draws(
     else:
         problem = drawn.setup.problem
         yield from untested(int(np.count_nonzero(problem.mask)) - problem.n_free)
-    yield from against_prior(settings, drawn.posterior, is_adequate=missed is None)
+    yield from against_prior(
+        drawn.settings, drawn.posterior, is_adequate=missed is None
+    )
 
 
 def _prior_belief(question: Question, seed: int) -> Belief:

@@ -2,17 +2,18 @@
 
 import gc
 from dataclasses import replace
+from pathlib import Path
 
 import jax
 import numpy as np
 import pytest
 
-from pushfit.config import parse_config
+from pushfit.config import parse_config, read_config
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import FitError
 from pushfit.explore.belief import from_fit
-from pushfit.explore.belief.belief import N_DRAWS, Question
+from pushfit.explore.belief.belief import ANGLES, N_DRAWS, Question
 from pushfit.explore.belief.from_fit import believe
 from pushfit.explore.belief.learning import learnt, weighed
 from pushfit.explore.belief.tables import told_rows
@@ -33,6 +34,7 @@ from tests.tolerances import EXACT
 # Four standard errors of medians of so many draws.
 MEDIANS = 0.08
 
+FOAM_BOX = Path(__file__).parents[3] / "examples/foam_box/grasp.toml"
 CALLIPERS = "[parameters.L]\nnormal = { mean = 0.04, sd = 0.001 }\n"
 
 
@@ -178,6 +180,30 @@ def test_the_mechanics_believed_are_those_that_lead_the_identification():
     found = identify_table(made, own.settings, seed=0, engine="sweep")
     assert found.by_mechanics[0].mechanics == "tilting"
     assert believe(made, own, 0).grasp.mechanics == "tilting"
+
+
+@pytest.mark.slow
+def test_what_is_asked_turns_no_choice_of_the_mechanics():
+    """Six pushes across the supports, of an object that may tilt as it likes."""
+    made = PeakTable.from_arrays(
+        theta=np.radians([40.0, 5.0, -40.0, -10.0, 40.0, 15.0]),
+        alpha=np.full(6, np.pi / 2),
+        heights={"height": np.array([9.277, 3.44, -7.853, -0.624, 9.224, 5.191])},
+        unit="kpa",
+        sd={"height": np.full(6, 0.1)},
+    )
+    own = Question(
+        config=read_config(FOAM_BOX),
+        ask=("theta_c",),
+        channels=("height",),
+        unit="kpa",
+        sigma=0.1,
+        reference_alpha=np.pi / 2,
+    )
+    found = identify_table(made, own.settings, seed=0, engine="sweep", is_brief=True)
+    leading = found.by_mechanics[0].mechanics
+    for ask in ANGLES.values():
+        assert believe(made, replace(own, ask=ask), 6).grasp.mechanics == leading
 
 
 @pytest.fixture(scope="module")
