@@ -17,6 +17,7 @@ from pushfit.explore.belief.from_fit import believe
 from pushfit.explore.explorer import Explorer
 from pushfit.explore.limits import Limits
 from pushfit.explore.records import Answer, Purpose
+from pushfit.fit.results import ResultWarning
 from pushfit.mechanics.directions import critical_angle
 from pushfit.model import Grasp, Parameters
 from tests.explore.beliefs import PLAIN
@@ -51,6 +52,41 @@ def test_an_exploration_decides_and_then_asks_nothing():
     assert own.ask() == ()
     assert len(asked) == own.state.n_pushes < 15
     assert "decided to ± 4.5°" in own.state.sentence
+
+
+def few_draws(found):
+    """Those of ten draws, as weights leave them where heights are exact."""
+    few = np.where(np.arange(N_DRAWS) < 10, 0.0, -np.inf)
+    return replace(found, log_weights=few)
+
+
+def unsure(found):
+    warning = ResultWarning(code="not_converged", text="")
+    return replace(found, warnings=(warning,))
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "why"),
+    [
+        (few_draws, "only 10 draws of it are left"),
+        (unsure, "its draws are not to be trusted"),
+    ],
+)
+def test_of_draws_that_give_no_interval_there_is_no_forecast(spoilt, why):
+    """Pushes are asked for all the same; ten draws lie within a degree or two."""
+
+    def source(table, question, seed):
+        return spoilt(importance(table, question, seed))
+
+    own = explorer(source=source, width_deg=60.0)
+    own.attach(hopeless_table())
+    (push,) = own.ask()
+    state = own.state
+    assert state.answer is Answer.DECIDING
+    assert state.intervals == {"theta_c": None}
+    assert (state.p_budget, push.p_decided) == (None, 0.0)
+    assert not np.isfinite(push.expected_width)
+    assert state.sentence == f"after 12 pushes θ_c is open, as {why}."
 
 
 def test_suggestions_are_ranked_by_gain():

@@ -18,7 +18,15 @@ from pushfit.errors import FitError
 from pushfit.explore.belief.belief import N_DRAWS, Belief, Question
 from pushfit.explore.belief.tables import table_of
 from pushfit.explore.records import ToldPush
-from pushfit.fit.assess.warnings import INADEQUATE, against_prior, untested
+from pushfit.fit.assess.model_free import model_free_direction
+from pushfit.fit.assess.verdicts import angle_quantity
+from pushfit.fit.assess.warnings import (
+    INADEQUATE,
+    against_prior,
+    convergence_warnings,
+    disagreement,
+    untested,
+)
 from pushfit.fit.checks.leave_one_out import LeftOut, unpredicted
 from pushfit.fit.checks.model_checking import missed_features
 from pushfit.fit.checks.predictive import predictive_checks
@@ -86,7 +94,7 @@ def believe(
     if drawn is None:
         return _prior_belief(question, seed)
     belief = belief_from(drawn.setup, drawn.posterior.samples, seed=seed)
-    told = _told_by_draws(asked, drawn, seed=seed)
+    told = _told_by_draws(drawn, seed=seed)
     return replace(belief, warnings=(*warnings, *told))
 
 
@@ -116,6 +124,7 @@ def unlike_others(told: Sequence[ToldPush], question: Question) -> tuple[LeftOut
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Drawn:
+    table: PeakTable
     settings: GraspConfig
     setup: Setup
     posterior: PosteriorResult
@@ -161,19 +170,30 @@ def _drawn(table: PeakTable, settings: GraspConfig, seed: int) -> _Drawn | None:
                 reach=reach_of(settings),
             )
             if posterior.status is FitStatus.OK:
-                return _Drawn(settings=settings, setup=setup, posterior=posterior)
+                return _Drawn(
+                    table=table, settings=settings, setup=setup, posterior=posterior
+                )
         if len(setup.rows) >= WORTH_A_CHAIN:
             fitted = fit_table(table, settings)
             posterior = draw_posterior(fitted, seed=seed, engine="emcee")
-            return _Drawn(settings=settings, setup=fitted.setup, posterior=posterior)
+            return _Drawn(
+                table=fitted.table,
+                settings=settings,
+                setup=fitted.setup,
+                posterior=posterior,
+            )
     return None
 
 
-def _told_by_draws(
-    table: PeakTable, drawn: _Drawn, *, seed: int
-) -> Iterator[ResultWarning]:
-    """Whether the model describes the heights, and its draws are what priors expect."""
-    checks = predictive_checks(table, drawn.setup, drawn.posterior, seed=seed)
+def _told_by_draws(drawn: _Drawn, *, seed: int) -> Iterator[ResultWarning]:
+    """What an identification by these draws would say of them."""
+    table, posterior, prob = drawn.table, drawn.posterior, drawn.settings.report.prob
+    yield from convergence_warnings(posterior)
+    if "alpha_star" in posterior.samples:
+        quantity = angle_quantity("alpha_star", posterior, None, prob=prob)
+        free = model_free_direction(table, prob=prob, seed=seed)
+        yield from disagreement(quantity, free)
+    checks = predictive_checks(table, drawn.setup, posterior, seed=seed)
     missed = missed_features(checks)
     if missed is not None:
         yield ResultWarning(
@@ -183,9 +203,7 @@ def _told_by_draws(
     else:
         problem = drawn.setup.problem
         yield from untested(int(np.count_nonzero(problem.mask)) - problem.n_free)
-    yield from against_prior(
-        drawn.settings, drawn.posterior, is_adequate=missed is None
-    )
+    yield from against_prior(drawn.settings, posterior, is_adequate=missed is None)
 
 
 def _prior_belief(question: Question, seed: int) -> Belief:

@@ -33,9 +33,6 @@ from pushfit.parameters import ANGLES
 # Without a word on the noise an interval may be narrow by chance, and misses as one
 # does whose noise is believed too small: `benchmarks.explore.answers --control`.
 MIN_UNKNOWN_NOISE = 8
-# Fewer effective draws give no interval: 400 know the ends of one of 90 % to 3 % of its
-# width. Weighed priors come to so few, which are not drawn anew.
-FEWEST_DRAWS = 400
 # Effective draws below which the force of a push is not known to 1 in 100 by far: by
 # 30 of them short pushes may still show that whole ones are allowed.
 WORN_OUT = 30
@@ -93,11 +90,15 @@ class Judge:
             )
 
     def targets(self, belief: Belief, question: Question) -> dict[str, AskedAngle]:
-        """The asked angles as they are believed, and what would decide them."""
+        """The asked angles as they are believed, and what would decide them.
+
+        Where draws give no interval, they count as none.
+        """
+        nothing = np.full(belief.log_weights.size, np.nan)
         return {
             angle: AskedAngle.of(
                 angle,
-                belief.samples[angle],
+                nothing if belief.lacks(angle) else belief.samples[angle],
                 reach=question.config.reach.alpha_deg,
                 width=self.width,
                 prob=self.prob,
@@ -111,8 +112,6 @@ class Judge:
         """Shortest posterior interval of every asked angle, if draws show one [deg]."""
         return {
             angle: shortest_interval(target, belief.weights)
-            if belief.ess >= FEWEST_DRAWS
-            else None
             for angle, target in self.targets(belief, question).items()
         }
 
@@ -135,7 +134,7 @@ class Judge:
 
     def _is_known_absent(self, belief: Belief, angle: str) -> bool:
         """Whether pushes, not priors alone, say that the contact never rolls."""
-        is_shown = not belief.is_guess and belief.ess >= FEWEST_DRAWS
+        is_shown = not belief.is_guess and belief.lacks(angle) is None
         return is_shown and _p_undefined(belief, angle) >= self.prob
 
     def moved(
@@ -201,7 +200,7 @@ class Judge:
             answer = Answer.STOPPED
         elif not (undecided or belief.is_guess) and self._may_decide(question, told):
             answer = Answer.DECIDED
-        elif undecided and not belief.is_guess:
+        elif undecided and not (belief.is_guess or any(map(belief.lacks, undecided))):
             # Priors alone leave too few draws for so many pushes, and no chance of it.
             unlimited, within = self._forecast(
                 belief,
@@ -324,8 +323,9 @@ class Judge:
         if interval is not None:
             low, high = interval
             return f"{symbol} in {low:z.1f}° to {high:z.1f}° ({self.prob:.0%})"
-        if belief.ess < FEWEST_DRAWS:
-            return f"{symbol} is open, as only {belief.ess:.0f} draws of it are left"
+        lack = belief.lacks(angle)
+        if lack is not None:
+            return f"{symbol} is open, as {lack}"
         share = _p_undefined(belief, angle)
         if self._is_known_absent(belief, angle):
             return f"{symbol} does not exist, as the contact never rolls ({share:.0%})"

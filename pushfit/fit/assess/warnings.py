@@ -33,7 +33,10 @@ from pushfit.fit.results import (
 from pushfit.model import as_float, contact
 from pushfit.parameters import NAMED, STIFFNESSES
 
+# Codes by which others know that numbers are not to be quoted.
 INADEQUATE = "model_inadequate"
+DISAGREEMENT = "alpha_star_disagreement"
+NOT_CONVERGED = FitStatus.NOT_CONVERGED.name.lower()
 # Share of the range of a uniform prior beside a bound, and of a posterior in it that is
 # pressed against the bound: twice what is there where heights say nothing.
 EDGE, PRESSED = 0.05, 0.1
@@ -175,18 +178,7 @@ def result_warnings(
     low = low_scatter_warning(found.table, setup, found.fit)
     if low is not None:
         yield low
-    if posterior.status is not FitStatus.OK:
-        problems = posterior.diagnostics.problems if posterior.diagnostics else ()
-        if posterior.engine == "sweep":
-            problems = (
-                f"of the weighted draws {posterior.ess or 0:.0f} count, and the tail "
-                f"of their weights has the shape {posterior.pareto_k or np.nan:.2f}",
-                'the engines "auto" and "emcee" do without weights',
-            )
-        yield ResultWarning(
-            code=posterior.status.name.lower(),
-            text="; ".join([posterior.status.value, *problems]),
-        )
+    yield from convergence_warnings(posterior)
     for quantity, symbol in ((found.theta_c, "θ_c"), (found.alpha_star, "α*")):
         is_asked = quantity.name in posterior.samples
         if is_asked and quantity.verdict not in SAID:
@@ -202,7 +194,7 @@ def result_warnings(
             yield ResultWarning(
                 code=f"{quantity.name}_{quantity.verdict.value}", text=text
             )
-    yield from _disagreement(found.alpha_star, found.alpha_star_model_free)
+    yield from disagreement(found.alpha_star, found.alpha_star_model_free)
     yield from bound_warnings(setup, posterior)
 
 
@@ -263,7 +255,7 @@ def against_prior(
         )
 
 
-def _disagreement(
+def disagreement(
     alpha_star: Quantity, model_free: Quantity | None
 ) -> Iterator[ResultWarning]:
     """Model and cosine point in different directions."""
@@ -276,7 +268,7 @@ def _disagreement(
     distance = abs((gap + 90.0) % 180.0 - 90.0)
     if distance > (high - low + other_high - other_low) / 2:
         yield ResultWarning(
-            code="alpha_star_disagreement",
+            code=DISAGREEMENT,
             text=f"α* is in {low:.0f}° to {high:.0f}° by the model but in "
             f"{other_low:.0f}° to {other_high:.0f}° by a cosine through the heights; "
             "do not trust either without looking at the figure",
@@ -320,6 +312,23 @@ def contradiction_warning(setup: Setup, fit: FitResult) -> ResultWarning | None:
                 "check the fixed value, the push length and the calibration",
             )
     return None
+
+
+def convergence_warnings(posterior: PosteriorResult) -> Iterator[ResultWarning]:
+    """Say so where draws are not to be trusted, and why."""
+    if posterior.status is FitStatus.OK:
+        return
+    problems = posterior.diagnostics.problems if posterior.diagnostics else ()
+    if posterior.engine == "sweep":
+        problems = (
+            f"of the weighted draws {posterior.ess or 0:.0f} count, and the tail "
+            f"of their weights has the shape {posterior.pareto_k or np.nan:.2f}",
+            'the engines "auto" and "emcee" do without weights',
+        )
+    yield ResultWarning(
+        code=posterior.status.name.lower(),
+        text="; ".join([posterior.status.value, *problems]),
+    )
 
 
 def handover_warnings(posterior: PosteriorResult) -> tuple[ResultWarning, ...]:

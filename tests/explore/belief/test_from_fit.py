@@ -308,6 +308,72 @@ def test_heights_without_a_posterior_weigh_the_priors(monkeypatch):
     assert belief.ess < N_DRAWS / 2
 
 
+def sweep_of_azimuths():
+    """Two pushes at each of nine azimuths, elastic: the soft axis lies at 65°."""
+    made = Grasp(push_length=0.005)
+    along = np.radians(2 * 65.0 - 180.0)
+    return simulate_table(
+        replace(TRUTH, e1=1.4 * np.cos(along), e2=1.4 * np.sin(along)),
+        made,
+        theta=np.radians(60.0),
+        alpha=np.radians(20.0 * np.arange(9)),
+        repeats=2,
+        noise=0.01,
+        rng=np.random.default_rng(0),
+        state_sd=True,
+    )
+
+
+@pytest.mark.parametrize("turned", [0.0, 90.0])
+def test_a_best_direction_is_believed_as_far_as_a_cosine_bears_it_out(
+    turned, monkeypatch
+):
+    """Draws that are turned by a right angle are of no table, however many count."""
+    made = sweep_of_azimuths()
+    own = replace(
+        question(5.0, "linear", parameters=""),
+        ask=("alpha_star",),
+        channels=made.channels,
+    )
+    draw = from_fit.sweep_posterior
+
+    def turn(*given, **more):
+        found = draw(*given, **more)
+        alpha = np.mod(found.samples["alpha_star"] + turned, 180.0)
+        return replace(found, samples={**found.samples, "alpha_star": alpha})
+
+    monkeypatch.setattr(from_fit, "sweep_posterior", turn)
+    belief = believe(made, own, 0)
+    codes = [warning.code for warning in belief.warnings]
+    assert codes.count("alpha_star_disagreement") == (turned > 0)
+    assert (belief.lacks("alpha_star") is None) is (turned == 0)
+    assert belief.lacks("theta_c") is None
+
+
+def test_draws_that_no_engine_vouches_for_give_no_interval(monkeypatch):
+    made, own = table(Grasp(push_length=0.005)), question(5.0, "linear", parameters="")
+    draw = from_fit.sweep_posterior
+
+    def unsure(*given, **more):
+        return replace(draw(*given, **more), status=FitStatus.NOT_CONVERGED)
+
+    monkeypatch.setattr(from_fit, "sweep_posterior", unsure)
+    monkeypatch.setattr(
+        from_fit,
+        "draw_posterior",
+        lambda fitted, *, seed, engine: unsure(
+            fitted.setup,
+            seed=seed,
+            reference_alpha=fitted.reference_alpha,
+            reach=(0.0, np.pi),
+        ),
+    )
+    belief = believe(made, own, 0)
+    assert not belief.is_guess
+    assert belief.lacks("theta_c") == "its draws are not to be trusted"
+    assert "not_converged" in {warning.code for warning in belief.warnings}
+
+
 def test_what_an_identification_warns_of_is_believed_with_it():
     """Kilonewtons under newtons, and four heights at the limit of the sensor."""
     made, asked = table(Grasp(push_length=0.005)), question(5.0, parameters="")
