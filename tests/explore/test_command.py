@@ -106,6 +106,21 @@ def test_one_height_unlike_the_others_is_said_without_a_noise(
     assert (f"no grasp gives all of these heights: {words}" in said) is (code == 3)
 
 
+@pytest.mark.parametrize(("sign", "code"), [(1.0, 0), (-1.0, 3)])
+def test_of_heights_of_inverted_sign_nothing_is_said_but_the_cure(
+    sign, code, tmp_path, hard_grasp, capsys
+):
+    table = pushed(np.linspace(10.0, 80.0, 24), noise=0.02, channels=("height",))
+    frame = table.frame.copy()
+    frame["height_n"] *= sign
+    write_table(type(table).from_frame(frame), tmp_path / "peaks.csv")
+    words = [str(tmp_path / "peaks.csv"), "--config", str(hard_grasp), "--width", "90"]
+    assert main(["next", *words]) == code
+    said = capsys.readouterr()
+    assert ("θ_c in " in said.out) is (code == 0)
+    assert ("take heights again with peaks.invert = true" in said.err) is (code == 3)
+
+
 @pytest.mark.parametrize(("wave", "code"), [(0.0, 0), (0.1, 3)])
 def test_nothing_is_decided_by_a_model_that_is_not_that_of_the_heights(
     wave, code, tmp_path, hard_grasp, capsys

@@ -89,6 +89,26 @@ def test_of_draws_that_give_no_interval_there_is_no_forecast(spoilt, why):
     assert state.sentence == f"after 12 pushes θ_c is open, as {why}."
 
 
+def test_no_interval_is_quoted_of_heights_that_the_model_does_not_describe():
+    """While more of them may still be made; a finding ends it."""
+    warning = ResultWarning(code="model_inadequate", text="it does not")
+
+    def source(table, question, seed):
+        return replace(importance(table, question, seed), warnings=(warning,))
+
+    found = []
+    for own in (explorer(), explorer(source=source)):
+        own.tell(np.pi / 4, np.pi / 2, dict.fromkeys(COMPONENTS, 1.0))
+        (push,) = own.ask()
+        state = own.state
+        quoted = state.intervals["theta_c"], state.p_budget
+        found.append((*(one is None for one in quoted), np.isfinite(push.gain)))
+        assert state.answer is Answer.DECIDING
+        assert np.isfinite(push.expected_width) == (state.p_budget is not None)
+    assert found == [(False, False, True), (True, True, True)]
+    assert "is open, as the model does not describe the heights." in state.sentence
+
+
 def test_suggestions_are_ranked_by_gain():
     gains = [s.gain for s in explorer().ask(5)]
     assert gains == sorted(gains, reverse=True)

@@ -86,7 +86,7 @@ def validate(
             }
         )
     else:
-        print("\n\n".join(as_text(facts) for facts in found))
+        print(session.worded("\n\n".join(as_text(facts) for facts in found)))
     return DataError.exit_code if problems else 0
 
 

@@ -16,7 +16,7 @@ from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.tables.rules import CHANNELS
 from pushfit.errors import ConfigError, counted
-from pushfit.fit.assess.warnings import DISAGREEMENT, NOT_CONVERGED
+from pushfit.fit.assess.warnings import DISAGREEMENT, INADEQUATE, NOT_CONVERGED
 from pushfit.fit.problem.problem import STUDENT_DOF
 from pushfit.fit.results import ResultWarning
 from pushfit.model import Grasp
@@ -127,6 +127,11 @@ class Belief:
     def effective_share(self) -> float:
         """The same over those there were."""
         return self.ess / np.count_nonzero(np.isfinite(self.log_weights))
+
+    @property
+    def is_described(self) -> bool:
+        """Whether the model describes the heights, as far as anything speaks of it."""
+        return all(warning.code != INADEQUATE for warning in self.warnings)
 
     def lacks(self, angle: str) -> str | None:
         """Why draws give no interval of an angle, by the rules of an identification.

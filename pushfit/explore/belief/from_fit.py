@@ -28,9 +28,13 @@ from pushfit.fit.assess.warnings import (
     untested,
 )
 from pushfit.fit.checks.leave_one_out import LeftOut, unpredicted
-from pushfit.fit.checks.model_checking import missed_features
+from pushfit.fit.checks.model_checking import (
+    explains_little,
+    missed_features,
+    share_explained,
+)
 from pushfit.fit.checks.predictive import predictive_checks
-from pushfit.fit.checks.table_checks import settings_warnings
+from pushfit.fit.checks.table_checks import WRONG, settings_warnings
 from pushfit.fit.checks.tilt_check import do_draws_tilt, is_tilt_large
 from pushfit.fit.identify.fit_table import fit_table
 from pushfit.fit.identify.fitted import (
@@ -42,6 +46,7 @@ from pushfit.fit.identify.fitted import (
 from pushfit.fit.identify.progress import Stages, posterior_stage
 from pushfit.fit.problem.derived import samples_mapping
 from pushfit.fit.problem.encoding import prior_x_samples
+from pushfit.fit.problem.predictions import predict_draws
 from pushfit.fit.problem.setup import Setup, build_problem, n_azimuths
 from pushfit.fit.profiles.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.programs.folder import keep_programs
@@ -92,9 +97,10 @@ def believe(
         settings = settings if leading is None else leading.settings
     drawn = _leading(asked, settings, seed, stages)
     if drawn is None:
-        return _prior_belief(question, seed)
+        return replace(_prior_belief(question, seed), warnings=warnings)
     belief = belief_from(drawn.setup, drawn.posterior.samples, seed=seed)
-    told = _told_by_draws(drawn, seed=seed)
+    wrong = [WRONG[one.code] for one in warnings if one.code in WRONG]
+    told = _told_by_draws(drawn, wrong, n_told=table.n_pushes, seed=seed)
     return replace(belief, warnings=(*warnings, *told))
 
 
@@ -185,8 +191,15 @@ def _drawn(table: PeakTable, settings: GraspConfig, seed: int) -> _Drawn | None:
     return None
 
 
-def _told_by_draws(drawn: _Drawn, *, seed: int) -> Iterator[ResultWarning]:
-    """What an identification by these draws would say of them."""
+def _told_by_draws(
+    drawn: _Drawn, wrong: Sequence[str], *, n_told: int, seed: int
+) -> Iterator[ResultWarning]:
+    """What an identification by these draws would say of them.
+
+    Args:
+        wrong: What cannot be right, whatever the draws.
+        n_told: Pushes of the table, before what keeps a direction open.
+    """
     table, posterior, prob = drawn.table, drawn.posterior, drawn.settings.report.prob
     yield from convergence_warnings(posterior)
     if "alpha_star" in posterior.samples:
@@ -194,7 +207,9 @@ def _told_by_draws(drawn: _Drawn, *, seed: int) -> Iterator[ResultWarning]:
         free = model_free_direction(table, prob=prob, seed=seed)
         yield from disagreement(quantity, free)
     checks = predictive_checks(table, drawn.setup, posterior, seed=seed)
-    missed = missed_features(checks)
+    missed = missed_features(checks) or _unexplained(drawn, n_told)
+    if wrong:
+        missed = f"{wrong[0]} cannot be right"
     if missed is not None:
         yield ResultWarning(
             code=INADEQUATE,
@@ -204,6 +219,26 @@ def _told_by_draws(drawn: _Drawn, *, seed: int) -> Iterator[ResultWarning]:
         problem = drawn.setup.problem
         yield from untested(int(np.count_nonzero(problem.mask)) - problem.n_free)
     yield from against_prior(drawn.settings, posterior, is_adequate=missed is None)
+
+
+def _unexplained(drawn: _Drawn, n_told: int) -> str | None:
+    """That the likeliest draw explains too little, as a clause.
+
+    As of a fit it is asked where neither a stated noise nor repeats judge the model.
+    """
+    table, setup, posterior = drawn.table, drawn.setup, drawn.posterior
+    problem, rows = setup.problem, np.array([r for r in setup.rows if r < n_told])
+    has_repeats = np.unique(table.groups[rows]).size < rows.size
+    if setup.noise.kind == "given" or has_repeats:
+        return None
+    likeliest = [int(np.argmax(posterior.log_prob))]
+    draw = {name: values[likeliest] for name, values in posterior.samples.items()}
+    heights = predict_draws(problem, draw, problem.angles).heights
+    observed = np.asarray(problem.observed)[:, : rows.size]
+    off = problem.differences(heights)[0, :, : rows.size]
+    channel = np.repeat(np.array(problem.channels), rows.size)
+    r_squared = share_explained(observed.ravel(), (observed + off).ravel(), channel)
+    return explains_little(r_squared, table, rows, n_free=problem.n_free)
 
 
 def _prior_belief(question: Question, seed: int) -> Belief:

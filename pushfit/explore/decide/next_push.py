@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 
 from pushfit.explore.belief.belief import Belief, Question
 from pushfit.explore.belief.predict import Predicted, predict
-from pushfit.explore.decide.gain import information_gain, outlook
+from pushfit.explore.decide.gain import Outlook, information_gain, outlook
 from pushfit.explore.decide.intervals import AskedAngle
 from pushfit.explore.limits import SHARES, TOLERATED, Limits
 from pushfit.explore.records import Purpose, Suggestion, ToldPush
@@ -203,7 +203,9 @@ def suggestion(
     """One candidate with its outlook."""
     is_whole = survey.length_share == 1.0
     heights = survey.predicted.heights[row]
-    expected = outlook(heights, target, weights=belief.weights, sigma=belief.sigma)
+    expected = Outlook(expected_width=np.inf, p_decided=0.0)
+    if belief.is_described:
+        expected = outlook(heights, target, weights=belief.weights, sigma=belief.sigma)
     return Suggestion(
         number=None,
         theta=float(survey.theta[row]),

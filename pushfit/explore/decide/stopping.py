@@ -216,9 +216,10 @@ class Judge:
         state = State(
             answer=answer,
             sentence=stopped or "",
-            intervals=intervals,
+            # Decided or given up, it is stopped: they are of no use to anybody else.
+            intervals=intervals if belief.is_described else dict.fromkeys(intervals),
             p_unlimited=unlimited,
-            p_budget=within,
+            p_budget=within if belief.is_described else None,
             n_pushes=len(told),
             n_left=max(n_left, 0),
         )
@@ -324,6 +325,8 @@ class Judge:
             low, high = interval
             return f"{symbol} in {low:z.1f}° to {high:z.1f}° ({self.prob:.0%})"
         lack = belief.lacks(angle)
+        if not belief.is_described:
+            lack = "the model does not describe the heights"
         if lack is not None:
             return f"{symbol} is open, as {lack}"
         share = _p_undefined(belief, angle)

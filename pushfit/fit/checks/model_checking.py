@@ -76,7 +76,7 @@ def goodness_of_fit(
         [heights[c][r] for c, r in zip(fit.channel, fit.row, strict=True)]
     )
     residuals = (fit.predicted - observed) / fit.sigma
-    r_squared = _r_squared(observed, fit.predicted, np.asarray(fit.channel))
+    r_squared = share_explained(observed, fit.predicted, np.asarray(fit.channel))
     p_value = _chi_square_p_value(fit, noise)
     lack_of_fit = _lack_of_fit_p_value(table, fit, residuals)
     is_quiet = fit.chi_square < QUIET_CHI_SQUARE * fit.degrees_of_freedom
@@ -95,10 +95,9 @@ def goodness_of_fit(
         )
     # Repeats or given standard deviations judge a fit better than its share of the
     # variation, which is small for noisy heights of a perfect model too.
-    n_directions = np.unique(table.groups[rows]).size
-    has_no_other_judge = p_value is None and lack_of_fit is None
-    if r_squared < MIN_R_SQUARED and has_no_other_judge and n_directions > fit.n_free:
-        failed.insert(0, f"it explains only {max(r_squared, 0):.0%} of the variation")
+    little = explains_little(r_squared, table, rows, n_free=fit.n_free)
+    if little is not None and p_value is None and lack_of_fit is None:
+        failed.insert(0, little)
     return GoodnessOfFit(
         chi_square=fit.chi_square,
         degrees_of_freedom=fit.degrees_of_freedom,
@@ -111,6 +110,22 @@ def goodness_of_fit(
         sentence=_sentence(failed, r_squared, fit.degrees_of_freedom),
         predictive=predictive,
     )
+
+
+def explains_little(
+    r_squared: float, table: PeakTable, rows: Int[np.ndarray, " n"], *, n_free: int
+) -> str | None:
+    """That a fit explains too little, as a clause; None where it explains enough.
+
+    Also where there are no more directions than unknowns, which any model goes through.
+
+    Args:
+        rows: Of the table, those fitted.
+    """
+    n_directions = np.unique(table.groups[rows]).size
+    if r_squared >= MIN_R_SQUARED or n_directions <= n_free:
+        return None
+    return f"it explains only {max(r_squared, 0):.0%} of the variation"
 
 
 def contradicted_quantities(
@@ -194,7 +209,7 @@ def _sentence(failed: list[str], r_squared: float, degrees_of_freedom: int) -> s
     )
 
 
-def _r_squared(
+def share_explained(
     observed: Float[np.ndarray, " n"],
     predicted: Float[np.ndarray, " n"],
     channel: Shaped[np.ndarray, " n"],

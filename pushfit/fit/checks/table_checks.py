@@ -13,12 +13,13 @@ from pushfit.config import GraspConfig
 from pushfit.config.schema import GraspSection, PushSection
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import counted
-from pushfit.fit.checks.model_checking import MIN_TESTED, label
+from pushfit.fit.checks.model_checking import LEVEL, MIN_TESTED, label
 from pushfit.fit.results import ResultWarning
 
 # What cannot be right, however well the model describes the heights, by codes.
 WRONG = {
     **dict.fromkeys(("equal_heights", "other_unit"), "the table"),
+    "inverted_heights": "the sign of the heights",
     "preload_contradicted": "the preload that is stated, or taken,",
 }
 # What a table cannot say of its pushes, though a column may be called so.
@@ -101,6 +102,7 @@ def faults_of(table: PeakTable) -> Iterator[ResultWarning]:
             "of another value a table and settings of their own",
         )
     yield from _equal_heights(table)
+    yield from _inverted(table)
     for row, words in unit_slips(table).items():
         yield ResultWarning(
             code="other_unit",
@@ -152,6 +154,32 @@ def _equal_heights(table: PeakTable) -> Iterator[ResultWarning]:
                 text=f"{channel}_{table.unit} is {heights[0]:g} in all {rows.size} "
                 "pushes, whatever the direction; look whether the sensor was "
                 "connected and not saturated, and whether the column is the right one",
+            )
+
+
+def _inverted(table: PeakTable) -> Iterator[ResultWarning]:
+    """Whether pushes into the surface lower what they raise by any mechanics.
+
+    Least squares of heights on sin θ alone: noise, or a few negative heights beside
+    others, give no such slope.
+    """
+    rows = np.flatnonzero(table.is_used & (np.degrees(table.theta) > EDGE))
+    if rows.size < FEW_HEIGHTS:
+        return
+    along = np.sin(table.theta[rows])
+    for channel in sorted({"height", "height_normal"} & set(table.channels)):
+        heights = table.heights(channel)[rows]
+        p_value, slope = _slope(heights, along, rows.size - 1)
+        if slope < 0 and p_value < LEVEL:
+            cure = "`invert=True`"
+            if channel == "height_normal":
+                cure = "the other sign in [peaks] normal"
+            yield ResultWarning(
+                code="inverted_heights",
+                text=f"{np.sum(heights < 0)} of {rows.size} pushes into the surface "
+                f"(θ > 0) have a negative {channel}_{table.unit}, the more so the "
+                "steeper they are, and any grasp resists them by a positive one; turn "
+                f"the sign of the column, or take heights again with {cure}",
             )
 
 

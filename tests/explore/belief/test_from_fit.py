@@ -374,6 +374,27 @@ def test_draws_that_no_engine_vouches_for_give_no_interval(monkeypatch):
     assert "not_converged" in {warning.code for warning in belief.warnings}
 
 
+@pytest.mark.parametrize("is_random", [False, True])
+def test_heights_that_nothing_explains_are_told_of_as_in_an_identification(is_random):
+    """Without a noise that says how far: twelve heights in any order."""
+    theta, rng = np.radians(np.linspace(5.0, 80.0, 12)), np.random.default_rng(3)
+    heights = 2.8 * np.sin(theta) + 0.02 * rng.standard_normal(theta.size)
+    if is_random:
+        heights = rng.permutation(heights)
+    made = PeakTable.from_arrays(
+        theta=theta,
+        alpha=np.full(theta.size, np.pi / 2),
+        heights={"height": heights},
+        unit="n",
+    )
+    own = replace(question(5.0, "linear", parameters=HARD), channels=("height",))
+    belief = believe(made, own, 0)
+    found = identify_table(made, own.settings, seed=0, engine="sweep", is_brief=True)
+    assert found.goodness_of_fit.is_adequate is not is_random
+    codes = {warning.code for warning in belief.warnings}
+    assert ("model_inadequate" in codes) is is_random
+
+
 def test_what_an_identification_warns_of_is_believed_with_it():
     """Kilonewtons under newtons, and four heights at the limit of the sensor."""
     made, asked = table(Grasp(push_length=0.005)), question(5.0, parameters="")

@@ -61,6 +61,50 @@ def test_a_column_that_says_what_settings_say_is_not_silently_ignored(column, ke
     assert all(f"{column} is not used: state it as {key}" in text for text in texts)
 
 
+def signed(theta_deg, heights, channel="height"):
+    """A table of one azimuth."""
+    return PeakTable.from_arrays(
+        theta=np.radians(theta_deg),
+        alpha=np.full(len(theta_deg), 0.5),
+        heights={channel: np.asarray(heights)},
+        unit="n",
+    )
+
+
+@pytest.mark.parametrize("channel", ["height", "height_normal"])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_heights_of_inverted_sign_are_said(sign, channel):
+    """No grasp, preloaded or not, pulls a finger that is pushed into it."""
+    theta = np.linspace(10.0, 80.0, 8)
+    table = signed(theta, sign * 2.5 * np.sin(np.radians(theta)) + 0.05, channel)
+    assert ("inverted_heights" in codes(table)) is (sign < 0)
+
+
+@pytest.mark.parametrize(
+    ("theta_deg", "heights"),
+    [
+        # A finger that pulls back from its preload lowers the reading.
+        (np.linspace(-60.0, -10.0, 8), -2.5 * np.sin(np.linspace(1.0, 0.2, 8))),
+        # A few in the noise about 0, or one that was mistyped.
+        (np.linspace(5.0, 80.0, 8), np.linspace(-0.1, 2.0, 8)),
+        (np.linspace(10.0, 80.0, 8), [0.4, 0.9, 1.2, 1.6, -1.9, 2.1, 2.3, 2.5]),
+        ([30.0, 60.0], [-1.0, -2.0]),
+    ],
+)
+def test_some_negative_heights_are_as_they_may_be(theta_deg, heights):
+    assert "inverted_heights" not in codes(signed(theta_deg, heights))
+
+
+def test_noise_about_nothing_is_inverted_once_in_two_thousand_tables():
+    """More than 4 of 1000 tables would be so once in 5000 times, 4 of 1000 then."""
+    theta, rng = np.linspace(10.0, 80.0, 8), np.random.default_rng(0)
+    found = [
+        "inverted_heights" in codes(signed(theta, rng.standard_normal(8)))
+        for _ in range(1000)
+    ]
+    assert sum(found) <= 4
+
+
 @pytest.mark.parametrize("is_mixed", [False, True])
 def test_heights_of_two_definitions_in_one_fit_are_said(is_mixed):
     table = case_table(CASES["firm"], noise=0.02)
