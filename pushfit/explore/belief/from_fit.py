@@ -24,7 +24,7 @@ from pushfit.fit.assess.warnings import (
     INADEQUATE,
     against_prior,
     convergence_warnings,
-    disagreement,
+    direction_disagreement,
     untested,
 )
 from pushfit.fit.checks.leave_one_out import LeftOut, unpredicted
@@ -205,7 +205,7 @@ def _told_by_draws(
     if "alpha_star" in posterior.samples:
         quantity = angle_quantity("alpha_star", posterior, None, prob=prob)
         free = model_free_direction(table, prob=prob, seed=seed)
-        yield from disagreement(quantity, free)
+        yield from direction_disagreement(quantity, free)
     checks = predictive_checks(table, drawn.setup, posterior, seed=seed)
     missed = missed_features(checks) or _unexplained(drawn, n_told)
     if wrong:

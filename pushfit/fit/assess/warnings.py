@@ -194,7 +194,7 @@ def result_warnings(
             yield ResultWarning(
                 code=f"{quantity.name}_{quantity.verdict.value}", text=text
             )
-    yield from disagreement(found.alpha_star, found.alpha_star_model_free)
+    yield from direction_disagreement(found.alpha_star, found.alpha_star_model_free)
     yield from bound_warnings(setup, posterior)
 
 
@@ -255,7 +255,7 @@ def against_prior(
         )
 
 
-def disagreement(
+def direction_disagreement(
     alpha_star: Quantity, model_free: Quantity | None
 ) -> Iterator[ResultWarning]:
     """Model and cosine point in different directions."""
