@@ -12,7 +12,7 @@ import argparse
 import numpy as np
 
 from pushfit.config.rivals import rival_configs
-from pushfit.fit.comparison import push_densities
+from pushfit.fit.checks.push_densities import push_densities
 from pushfit.fit.identify.fit_table import fit_table
 from pushfit.fit.identify.fitted import draw_posterior
 from pushfit.fit.programs.folder import enable_compile_cache

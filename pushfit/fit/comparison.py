@@ -7,35 +7,28 @@ density of each push predicted from all others (leave-one-out), which hardly doe
 Excluded: text for readers (`pushfit.report.text.comparison`).
 """
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-import scipy
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from pushfit.config import GraspConfig
 from pushfit.config.rivals import NOISES, rival_configs
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import DataError, check_seed
 from pushfit.fit.checks.model_checking import goodness_of_fit
+from pushfit.fit.checks.push_densities import PushDensities, push_densities
 from pushfit.fit.checks.table_checks import WRONG, table_warnings
 from pushfit.fit.identify.beside import Beside
 from pushfit.fit.identify.by_mechanics import fitted_by_leading
 from pushfit.fit.identify.fitted import Fitted, Listener, draw_posterior
 from pushfit.fit.identify.progress import Progress, Stages
-from pushfit.fit.problem.encoding import encode
 from pushfit.fit.problem.noise import with_noise, with_plain_noise
-from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.repeats.effects import both_ways, is_crossed
 from pushfit.fit.problem.setup import Setup, build_problem
 from pushfit.fit.profiles.least_squares import fit_least_squares, settle_noise
-from pushfit.fit.programs.compile import compiled, in_chunks
 from pushfit.fit.results import FitStatus, PosteriorResult
-from pushfit.fit.sweep.posterior import MAX_PARETO_K
 
 # Differences below these tell nothing: a factor of e between evidences; between
 # predictive densities two standard errors, and 4, since standard errors of models that
@@ -43,33 +36,8 @@ from pushfit.fit.sweep.posterior import MAX_PARETO_K
 # `python -m benchmarks.inference.elpd_errors` finds 0.059 where differences have a
 # standard deviation of 0.078.
 MIN_LOG_BAYES_FACTOR, MIN_STANDARD_ERRORS, MIN_ELPD = 1.0, 2.0, 4.0
-# Draws of one call, so that one program serves every number of them; 51 pushes of so
-# many are half a megabyte.
-CHUNK = 1024
 # Said where no model has an evidence.
 NO_EVIDENCE = "the weights of every sweep have too heavy a tail, and emcee gives none"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PushDensities:
-    """Log predictive density of each push given all others, by PSIS-LOO.
-
-    Args:
-        elpd: ln p(h_i | h_-i), all channels of a push together.
-        p_loo: How far each lies below its density given all pushes.
-        pareto_k: Shape of the tail of its importance weights.
-        max_pareto_k: Largest shape at which the estimate is to be relied on.
-    """
-
-    elpd: Float[np.ndarray, " n"]
-    p_loo: Float[np.ndarray, " n"]
-    pareto_k: Float[np.ndarray, " n"]
-    max_pareto_k: float
-
-    @property
-    def n_unreliable(self) -> int:
-        """Pushes whose density importance sampling does not get right."""
-        return int(np.sum(self.pareto_k > self.max_pareto_k))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -236,60 +204,6 @@ def compare_models(
     )
 
 
-def push_densities(
-    problem: Problem,
-    samples: Mapping[str, Float[np.ndarray, " m"]],
-    *,
-    n_pushes: int,
-    efficiency: float = 1.0,
-) -> PushDensities:
-    """Leave-one-out density of each push by Pareto-smoothed importance sampling.
-
-    Args:
-        n_pushes: Columns of the problem that are not padding.
-        efficiency: Independent draws per draw.
-
-    References:
-        Vehtari, Gelman & Gabry (2017), doi:10.1007/s11222-016-9696-4.
-    """
-    x = encode(problem, samples)
-    densities = in_chunks(lambda rows: _push_log_likelihoods(problem, rows), x, CHUNK)
-    by_push = [left_out_density(one, efficiency) for one in densities.T[:n_pushes]]
-    elpd, pareto_k, p_loo = np.asarray(by_push).T
-    return PushDensities(
-        elpd=elpd,
-        p_loo=p_loo,
-        pareto_k=pareto_k,
-        # Of few draws even a lighter tail is not known well enough.
-        max_pareto_k=min(1 - 1 / math.log10(len(x)), MAX_PARETO_K),
-    )
-
-
-def left_out_density(
-    log_likelihood: Float[np.ndarray, " m"], efficiency: float
-) -> tuple[float, float, float]:
-    """Log density of one push given the others, Pareto k and effective parameters.
-
-    Where the largest weights are one number there is no tail to smooth: k is minus
-    infinity if all of them are, else nobody knows it and it is infinity.
-
-    Args:
-        log_likelihood: Of the push, at each draw of all of them.
-        efficiency: Independent draws per draw.
-    """
-    from arviz_stats.base.array import array_stats  # noqa: PLC0415 - slow to load
-
-    try:
-        found = array_stats.loo(log_likelihood[None, None], r_eff=efficiency)
-        elpd, pareto_k, p_loo = (float(np.squeeze(value)) for value in found)
-    except ValueError:  # "All tail values are the same"
-        log_n = math.log(log_likelihood.size)
-        elpd = log_n - float(scipy.special.logsumexp(-log_likelihood))
-        pareto_k = math.inf if np.ptp(log_likelihood) > 0 else -math.inf
-        p_loo = float(scipy.special.logsumexp(log_likelihood)) - log_n - elpd
-    return elpd, pareto_k, p_loo
-
-
 def against_best(scores: list[ModelScore]) -> tuple[ModelScore, ...]:
     """Scores with their distance from the best, by each criterion.
 
@@ -311,18 +225,6 @@ def against_best(scores: list[ModelScore]) -> tuple[ModelScore, ...]:
             changes["elpd_difference_se"] = _sum_se(difference)
         compared.append(replace(score, **changes))
     return tuple(compared)
-
-
-@compiled
-def _push_log_likelihoods(
-    problem: Problem, x: Float[Array, "m p"]
-) -> Float[Array, "m n"]:
-    """Log density of every push, all channels together, at each draw."""
-
-    def one(x: Float[Array, " p"]) -> Float[Array, " n"]:
-        return jnp.sum(problem.log_likelihoods(problem.state(x)), axis=0)
-
-    return jax.vmap(one)(x)
 
 
 def _scores(

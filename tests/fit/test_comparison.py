@@ -14,30 +14,19 @@ from pushfit.config.rivals import (
 )
 from pushfit.errors import DataError
 from pushfit.fit import comparison
-from pushfit.fit.comparison import (
-    compare_models,
-    left_out_density,
-    push_densities,
-)
+from pushfit.fit.checks.push_densities import PushDensities
+from pushfit.fit.comparison import compare_models
 from pushfit.fit.problem.setup import build_problem
-from pushfit.fit.profiles.least_squares import fit_least_squares
-from pushfit.model import Parameters, forward
+from pushfit.model import forward
 from tests.fit.tables import (
-    FRICTION_ONLY,
     SEVEN_DEG,
     case_table,
     config,
-    setup_of,
 )
-from tests.oracle.exact import exact_grid, exact_posterior
 from tests.problems import CASES, PUSH
 from tests.report.makers import make_comparison
 from tests.tolerances import EXACT
 
-ALPHA, REACH = np.pi / 2, (0.0, np.pi)
-SIGMA, PRIOR_MEAN, PRIOR_SD = 0.01, 0.24, 0.01
-N_DRAWS = 20_000
-N_PUSHES = 22
 # Of the brute-force sums below, by doubling their grids.
 BRUTE_FORCE = 2e-3
 # Standard errors of the evidence that one table in 16 000 leaves, and the largest that
@@ -48,107 +37,13 @@ ERRORS, SMALL_ERROR = 4, 0.02
 N_SUMS, MEAN_ERRORS = 2000, 4
 
 
-@pytest.mark.parametrize(("low", "pareto_k"), [(-1.0, -np.inf), (-3.0, np.inf)])
-def test_a_push_whose_largest_weights_are_one_number_has_a_density(low, pareto_k):
-    """Of 1000 draws 100, more than are smoothed; 1 / E[1 / density], written out."""
-    log_likelihood = np.r_[np.full(100, low), np.full(900, -1.0)]
-    elpd, k, p_loo = left_out_density(log_likelihood, 1.0)
-    expected = -np.log(0.1 * np.exp(-low) + 0.9 * np.exp(1.0))
-    np.testing.assert_allclose(elpd, expected, rtol=EXACT)
-    mean = 0.1 * np.exp(low) + 0.9 * np.exp(-1.0)
-    np.testing.assert_allclose(p_loo, np.log(mean) - expected, atol=EXACT)
-    assert k == pareto_k
-
-
-def monte_carlo_error(log_likelihoods):
-    """Five standard errors of ln mean(1/p) over independent draws."""
-    weights = np.exp(np.min(log_likelihoods, axis=0) - log_likelihoods)
-    spread = np.std(weights, axis=0) / np.mean(weights, axis=0)
-    return 5 * spread / np.sqrt(len(log_likelihoods))
-
-
-def test_densities_are_those_of_linear_regression():
-    """Without h_i the posterior of C_rr is normal, and so is the prediction of h_i."""
-    theta_deg = np.linspace(2.0, 30.0, N_PUSHES)
-    table = case_table(
-        CASES["paper"],
-        noise=SIGMA,
-        theta_deg=theta_deg,
-        repeats=1,
-        channels=("height_tangential",),
-    )
-    heights = table.heights("height_tangential")
-    slope = 400 * PUSH * np.sin(np.radians(theta_deg))
-
-    def posterior(keep):
-        precision = 1 / PRIOR_SD**2 + np.sum((slope[keep] / SIGMA) ** 2)
-        weighted = PRIOR_MEAN / PRIOR_SD**2
-        weighted += np.sum(slope[keep] * heights[keep]) / SIGMA**2
-        return weighted / precision, precision**-0.5
-
-    draws = np.random.default_rng(0).normal(*posterior(slice(None)), N_DRAWS)
-    problem = setup_of(table, FRICTION_ONLY).problem
-    found = push_densities(problem, {"C_rr": draws}, n_pushes=N_PUSHES)
-    tolerance = monte_carlo_error(
-        stats.norm.logpdf(heights, draws[:, None] * slope, SIGMA)
-    )
-    for i in range(N_PUSHES):
-        mean, sd = posterior(np.arange(N_PUSHES) != i)
-        spread = np.hypot(SIGMA, slope[i] * sd)
-        expected = stats.norm.logpdf(heights[i], slope[i] * mean, spread)
-        assert abs(found.elpd[i] - expected) < tolerance[i], i
-    assert found.n_unreliable == 0
-    # One free parameter, held by its prior too.
-    assert 0 < np.sum(found.p_loo) < 2
-
-
-@pytest.mark.slow
-def test_densities_are_ratios_of_evidences():
-    """ln p(h_i | h_-i) = ln Z - ln Z without h_i, both by quadrature."""
-    table = case_table(
-        CASES["firm"], noise=0.05, theta_deg=np.array([10.0, 30.0, 45.0, 60.0, 80.0])
-    )
-    setup = setup_of(table)
-    fit = fit_least_squares(setup, reference_alpha=ALPHA)
-    result = exact_posterior(
-        setup, fit, n_draws=8000, seed=1, reference_alpha=ALPHA, reach=REACH
-    )
-    problem, n = setup.problem, len(setup.rows)
-    found = push_densities(problem, result.samples, n_pushes=n)
-    predicted = forward_heights(problem, result.samples)[:, :n]
-    sigma = np.asarray(problem.reference_sigma)[0, :n]
-    observed = np.asarray(problem.observed)[0, :n]
-    tolerance = monte_carlo_error(stats.norm.logpdf(observed, predicted, sigma))
-    # The pushes with the least and the most weight, and one between.
-    for i in np.argsort(found.p_loo)[[0, n // 2, -1]]:
-        mask = problem.mask.at[0, i].set(False)
-        without = eqx.tree_at(lambda p: p.mask, problem, mask)
-        grid = exact_grid(dataclasses.replace(setup, problem=without), fit)
-        expected = result.log_evidence - grid.log_evidence
-        assert abs(found.elpd[i] - expected) < tolerance[i], i
-
-
-def forward_heights(problem, samples):
-    """Heights of every draw by the model itself."""
-    names = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L")
-    draws = np.stack([samples[name] for name in names], axis=1)
-    curve = eqx.filter_jit(
-        eqx.filter_vmap(
-            lambda row: forward(Parameters(*row), problem.pushes, problem.grasp).height
-        )
-    )
-    return np.asarray(curve(draws))
-
-
 def scored(*densities):
     """Models of which nothing is known but the densities of their pushes."""
     (score, *_) = make_comparison().models
     scores = []
     for elpd in map(np.array, densities):
         none = np.zeros(elpd.size)
-        found = comparison.PushDensities(
-            elpd=elpd, p_loo=none, pareto_k=none, max_pareto_k=0.7
-        )
+        found = PushDensities(elpd=elpd, p_loo=none, pareto_k=none, max_pareto_k=0.7)
         scores.append(dataclasses.replace(score, densities=found))
     return comparison.against_best(scores)
 

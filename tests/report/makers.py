@@ -8,10 +8,10 @@ from pushfit.config import GraspConfig
 from pushfit.data.recordings.recording import Source
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.tables.traces import Trace
+from pushfit.fit.checks.push_densities import PushDensities
 from pushfit.fit.comparison import (
     Comparison,
     ModelScore,
-    PushDensities,
     against_best,
 )
 from pushfit.fit.results import (
