@@ -20,7 +20,7 @@ from jaxtyping import Array, Float
 from benchmarks.tables import prior_problems
 from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.problem.problem import Problem
-from pushfit.fit.profiles.least_squares import fit_least_squares, polish
+from pushfit.fit.profiles.least_squares import fit_least_squares, polish, settle_noise
 from pushfit.fit.programs.folder import enable_compile_cache
 from pushfit.model import contact
 from tests.fit.kinds import KINDS
@@ -56,6 +56,7 @@ def differences(kind: str, n_tables: int, n_starts: int, seed: int) -> Iterator[
     """Half the chi-square of the fit less that of the best random start."""
     rng = np.random.default_rng(seed)
     for setup, _ in prior_problems(kind, n_tables, rng):
+        setup = settle_noise(setup)
         data = setup.problem
         fit = fit_least_squares(setup, reference_alpha=np.pi / 2)
         starts = data_points(data, jnp.asarray(prior_x_samples(data, rng, n_starts)))

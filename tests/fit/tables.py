@@ -76,6 +76,16 @@ def case_table(
     )
 
 
+def without_sd(table: PeakTable) -> PeakTable:
+    """The same heights, nothing said of their noise."""
+    return PeakTable.from_arrays(
+        theta=table.theta,
+        alpha=table.alpha,
+        heights={name: table.heights(name) for name in table.channels},
+        unit=table.unit,
+    )
+
+
 def tables_of_the_prior(n: int) -> tuple[PeakTable, ...]:
     """One sweep of 17 elevations, thrice, pushed on grasps drawn from the prior."""
     fitted = fit_table(case_table(CASES["firm"], noise=0.03), config())

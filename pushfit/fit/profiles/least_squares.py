@@ -210,10 +210,11 @@ def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
         return setup
     points = _starts(setup)
     # Noise and fit meet through relative weights alone, those of what is known
-    # beforehand among them: three rounds settle both, each of which is a restart of the
-    # one before.
+    # beforehand and of heavy tails among them: three rounds settle both, each of which
+    # is a restart of the one before.
     has_weights = noise.follows_fit or bool(np.any(np.asarray(stated.sd)))
     has_weights |= len(problem.channels) + problem.n_constraints > 1
+    has_weights |= problem.likelihood == "student_t"
     n_rounds = N_SETTLING if has_weights else MAX_ROUNDS
     for _ in range(3 if has_weights else 1):
         points, _, _ = polish(problem, points, n_rounds)

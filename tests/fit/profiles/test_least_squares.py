@@ -6,8 +6,10 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
+from scipy import stats
+from scipy.optimize import least_squares, minimize
 
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import FitError
 from pushfit.fit.problem.problem import bucket
 from pushfit.fit.problem.setup import build_problem
@@ -29,8 +31,9 @@ from tests.fit.tables import (
     log_contact,
     setup_of,
     tables_of_the_prior,
+    without_sd,
 )
-from tests.problems import CASES
+from tests.problems import CASES, PUSH
 from tests.tolerances import EXACT
 
 # The solver's relative tolerance is 1e-10; ten times that.
@@ -264,14 +267,51 @@ def test_padding_changes_nothing():
     np.testing.assert_allclose(np.sum(residuals**2), fit.chi_square, rtol=EXACT)
 
 
-def test_a_search_has_the_weights_that_noise_settles_at():
+@pytest.mark.parametrize(
+    ("channels", "text"),
+    [
+        (COMPONENTS, ""),
+        (("height",), 'likelihood = "student_t"\n'),
+        (("height",), '[transition]\nsharpness = "auto"\n'),
+    ],
+    ids=["channels", "tails", "transition"],
+)
+def test_a_search_has_the_weights_that_noise_settles_at(channels, text):
     """Its curve becomes a profile, so that other weights would narrow the set."""
-    channels = ("height_normal", "height_tangential")
     table = case_table(
         CASES["firm"], noise=0.02, channels=channels, theta_deg=SEVEN_DEG
     )
-    setup = setup_of(table, '[noise]\nsigma = "sampled"\n')
+    setup = setup_of(without_sd(table), f'[noise]\nsigma = "sampled"\n{text}')
     curve = setup.search.curve
     is_possible = np.isfinite(curve.chi_square)
     costs = costs_at(setup.problem, curve.points[is_possible])
     np.testing.assert_allclose(costs, curve.chi_square[is_possible], rtol=EXACT)
+
+
+@pytest.mark.parametrize("seed", [18, 49])
+def test_no_other_start_finds_a_better_fit_beside_heavy_tails(seed):
+    """SciPy's, at the same noise; which pushes are outliers is a question of it."""
+    clean = case_table(CASES["firm"], repeats=1)
+    noise = 0.05 * stats.t.rvs(2, size=clean.n_pushes, random_state=seed)
+    heights = clean.heights("height") + noise
+    table = PeakTable.from_arrays(
+        theta=clean.theta, alpha=clean.alpha, heights={"height": heights}, unit="n"
+    )
+    text = '[noise]\nsigma = "sampled"\nlikelihood = "student_t"\n'
+    fit, theta = fit_of(table, text), table.theta
+
+    def deviance(z):
+        A, B, C_rr = np.exp(z)
+        normal = A * PUSH * np.sin(theta)
+        tangential = np.minimum(C_rr * normal, B * PUSH * np.cos(theta))
+        squares = ((np.hypot(normal, tangential) - heights) / fit.sigma) ** 2
+        return 5 * np.sum(np.log1p(squares / 2))
+
+    rng = np.random.default_rng(0)
+    starts = fit.estimate + rng.normal(size=(48, 3))
+    options = {"maxiter": 2000, "maxfev": 2000}
+    runs = [
+        minimize(deviance, s, method="Nelder-Mead", options=options) for s in starts
+    ]
+    np.testing.assert_allclose(deviance(fit.estimate), fit.chi_square, rtol=EXACT_DATA)
+    assert fit.chi_square < min(run.fun for run in runs) + SAME_OPTIMUM

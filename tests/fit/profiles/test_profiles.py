@@ -22,7 +22,7 @@ from pushfit.fit.profiles.profile_sets import (
 )
 from pushfit.fit.profiles.profiles import likelihood_profiles
 from pushfit.fit.results import Verdict
-from tests.fit.tables import case_table, setup_of
+from tests.fit.tables import case_table, setup_of, without_sd
 from tests.problems import CASES, PUSH, paper_parameters
 from tests.tolerances import EXACT, ROUTES
 
@@ -126,15 +126,6 @@ def test_noise_estimated_from_residuals_gives_the_t_interval():
     ((low, high),) = profiles_of(setup)["C_rr"].pieces
     expected = [estimate - half, estimate + half]
     np.testing.assert_allclose([low, high], expected, rtol=0, atol=END * half)
-
-
-def without_sd(table):
-    return PeakTable.from_arrays(
-        theta=table.theta,
-        alpha=table.alpha,
-        heights={"height": table.heights("height")},
-        unit="n",
-    )
 
 
 @pytest.fixture(scope="module")
