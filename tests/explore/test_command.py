@@ -218,6 +218,16 @@ def test_explore_ends_with_a_result_folder(tmp_path, grasp, truth, capsys):
     )
     events = [json.loads(x) for x in (out / "journal.jsonl").read_text().splitlines()]
     assert [e["event"] for e in events].count("told") == 2
+    # Which its settings say, so that its table is identified as it was.
+    again = [str(out / "peaks.csv"), "--config", str(out / "settings.toml")]
+    assert main(["fit", *again, "--json"]) == 0
+    fitted = json.loads(capsys.readouterr().out)
+    assert fitted["theta_c_deg"] == summary["theta_c_deg"]
+    assert fitted["config"] == summary["config"]
+    assert main(["verify", str(out)]) == 2
+    assert f"--config {out / 'settings.toml'} --seed 0" in " ".join(
+        capsys.readouterr().err.split()
+    )
     assert (out / "exploration.png").exists()
     assert "The exploration: what is known" in (out / "report.html").read_text()
     assert main(["report", str(out)]) == 0
@@ -271,6 +281,37 @@ def test_a_killed_exploration_ends_as_it_would_have(tmp_path, grasp, truth, last
 def counted(journal, event):
     """How often an event stands in a journal that is written meanwhile."""
     return journal.read_text().count(f'{{"event": "{event}"')
+
+
+def test_without_a_word_a_hand_explores_the_example_by_what_is_known_of_it(
+    tmp_path, monkeypatch, capsys
+):
+    """Whose preload is stated in kilopascals."""
+    monkeypatch.setattr(SimulatedHand, "push", stalled)
+    out = tmp_path / "run"
+    assert main(["explore", "--hand", "simulated", "--out", str(out)]) == 2
+    assert "3 pushes failed in a row: stalled" in capsys.readouterr().err
+    start, *_ = (tmp_path / "run.journal.jsonl").read_text().splitlines()
+    begun = json.loads(start)
+    assert '"unit": "kpa"' in start
+    assert '"preload_kpa": 12.0' in json.dumps(begun["config"])
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["explore", "--hand", "simulated", "--truth"],
+        ["simulate", "plan.csv", "--config"],
+    ],
+)
+def test_a_simulation_names_the_file_that_does_not_state_its_grasp(
+    command, tmp_path, grasp, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "plan.csv").write_text("theta_deg,alpha_deg\n10,90\n20,90\n")
+    assert main([*command, str(grasp), "--out", "run"]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert f"error: {grasp}: [parameters] says nothing about" in said
 
 
 def test_failures_leave_a_journal_to_go_on_with(

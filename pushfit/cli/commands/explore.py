@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from pushfit.cli import options
-from pushfit.cli.inputs import warn_of_unread
+from pushfit.cli.inputs import naming, warn_of_unread
 from pushfit.cli.output import refuse_picture, warn_of_missing
 from pushfit.cli.session import CommandSession
 from pushfit.cli.stop import say_kept
@@ -33,8 +33,11 @@ REACH = (5.0, 85.0)
 COMPONENTS = ("height_normal", "height_tangential")
 
 UnitOption = Annotated[
-    SensorUnit,
-    typer.Option(help="Unit of the sensor, where no table says it."),
+    SensorUnit | None,
+    typer.Option(
+        help="Unit of the sensor, where no table says it; left out, that of the "
+        "preload, or else n."
+    ),
 ]
 
 
@@ -123,6 +126,13 @@ class Asked:
         )
 
 
+def unit_of(*settings: "GraspConfig", stated: SensorUnit | None) -> str:
+    """Unit of a sensor that no table tells of: as stated, or that of a preload."""
+    of_preload = [one.grasp.preload[1] for one in settings]
+    first, *_ = filter(None, (stated, *of_preload, "n"))
+    return first
+
+
 def next(
     session: CommandSession,
     table: Annotated[
@@ -131,7 +141,7 @@ def next(
     ] = None,
     *,
     asked: Asked,
-    unit: UnitOption = "n",
+    unit: UnitOption = None,
     n: Annotated[int, typer.Option("-n", min=1, help="Pushes to rank.")] = 5,
     plot: options.PlotFile = None,
     seed: options.Seed = 0,
@@ -160,7 +170,7 @@ def next(
             explorer = asked.explorer(
                 settings,
                 channels=None if made is None else made.channels,
-                unit=unit if made is None else made.unit,
+                unit=unit_of(settings, stated=unit) if made is None else made.unit,
                 seed=seed,
                 stages=stages,
             )
@@ -200,7 +210,8 @@ def explore(
         Path | None,
         typer.Option(
             metavar="truth.toml",
-            help="Grasp that the simulated hand holds, each fixed.",
+            help="Grasp that the simulated hand holds, each fixed; left out, that of "
+            "the example.",
         ),
     ] = None,
     noise: Annotated[
@@ -209,7 +220,7 @@ def explore(
     scatter: Annotated[
         float, typer.Option(min=0, help="Scatter of simulated pushes, as a share.")
     ] = 0.01,
-    unit: UnitOption = "n",
+    unit: UnitOption = None,
     seed: options.Seed = 0,
     json: options.JsonOption = False,
     force: options.Force = False,
@@ -218,13 +229,18 @@ def explore(
 
     Interrupted, killed or stopped by failures, the same command goes on.
     """
+    from pushfit.cli.commands.analysis import example_folder
     from pushfit.config import read_config
     from pushfit.report.store.folder import check_target
 
     check_target(out, force=force)
     warn_of_missing(session, *PARTS)
-    settings = read_config(asked.config)
-    simulated = None
+    known_of = asked.config
+    if hand == "simulated" and truth is None and known_of is None:
+        known_of = example_folder() / "grasp.toml"
+        session.say(f"the grasp of the example is explored, known by {known_of}")
+    settings = read_config(known_of)
+    sensor, simulated = unit_of(settings, stated=unit), None
     made_by: dict[str, object] = {"kind": hand}
     if hand == "ros":
         from pushfit.explore.hands.ros.hand import RosHand
@@ -233,27 +249,35 @@ def explore(
             has_forces=asked.has_forces(settings), theta_deg=asked.theta
         )
     else:
-        from pushfit.cli.commands.analysis import example_folder
-        from pushfit.explore.hands.simulated import joints_stated, simulated_hand
+        from pushfit.explore.hands.simulated import (
+            check_normal,
+            joints_stated,
+            simulated_hand,
+        )
 
         settings = joints_stated(settings)
-        held = read_config(truth or example_folder() / "truth.toml")
+        truth = truth or example_folder() / "truth.toml"
+        held = read_config(truth)
+        sensor = unit_of(settings, held, stated=unit)
         made_by |= {"noise": noise, "scatter": scatter}
         made_by["truth"] = held.model_dump(mode="json", exclude_none=True)
-        finger = simulated = simulated_hand(
-            held,
-            theta_deg=asked.theta,
-            unit=unit,
-            noise=noise,
-            scatter=scatter,
-            forces=asked.has_forces(settings),
-            seed=seed,
-            normal=settings.peaks.normal or "fz",
-        )
+        normal = settings.peaks.normal or "fz"
+        check_normal(normal)
+        with naming(truth):
+            finger = simulated = simulated_hand(
+                held,
+                theta_deg=asked.theta,
+                unit=sensor,
+                noise=noise,
+                scatter=scatter,
+                forces=asked.has_forces(settings),
+                seed=seed,
+                normal=normal,
+            )
     journal = out.with_name(f"{out.name}.journal.jsonl")
     explorer = asked.explorer(
         settings,
-        unit=unit,
+        unit=sensor,
         journal=journal,
         seed=seed,
         hand=made_by,
@@ -291,6 +315,7 @@ def _run(
     force: bool,
 ) -> int:
     """Explore, identify the table of the journal, and write the folder."""
+    from pushfit.config import template
     from pushfit.explore.advice import with_next_push
     from pushfit.explore.loop import explore as run
     from pushfit.explore.records import Answer
@@ -300,7 +325,7 @@ def _run(
     from pushfit.report.figures import figure_bytes
     from pushfit.report.figures.exploration import exploration_picture
     from pushfit.report.store.folder import write_result_folder
-    from pushfit.report.store.output_folder import EXPLORATION, JOURNAL
+    from pushfit.report.store.output_folder import EXPLORATION, JOURNAL, SETTINGS
     from pushfit.report.store.summary import summary_dict
     from pushfit.report.text.exploration import ADAPTIVE, state_dict
 
@@ -327,7 +352,11 @@ def _run(
         found,
         out,
         force=force,
-        extra={JOURNAL: journal.read_bytes(), EXPLORATION: picture},
+        extra={
+            JOURNAL: journal.read_bytes(),
+            EXPLORATION: picture,
+            SETTINGS: template(explorer.question.settings).encode(),
+        },
     )
     session.wrote(out)
     session.warn_of(found.warnings)
@@ -336,7 +365,9 @@ def _run(
         if state.answer is Answer.OUT_OF_BUDGET:
             session.say(
                 f"to go on with this grasp, copy {out / JOURNAL} to {journal}, and "
-                "give the same command a larger --budget, and --force"
+                "give the same command a larger --budget, and --force; or ask "
+                f"`pushfit next {out / 'peaks.csv'} --config {out / SETTINGS}`, "
+                "with the same --theta"
             )
     else:
         session.say(

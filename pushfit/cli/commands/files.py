@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pushfit.cli import options
-from pushfit.cli.inputs import load_peaks, read_settings
+from pushfit.cli.inputs import load_peaks, naming, read_settings
 from pushfit.cli.output import refuse_existing, refuse_picture, write_text
 from pushfit.cli.session import CommandSession
 from pushfit.errors import DataError, counted
@@ -213,9 +213,11 @@ def simulate(
     from pushfit.data.truth import simulate_from_config
 
     refuse_existing(output, force=force)
-    recording = simulate_from_config(
-        read_schedule(schedule), read_config(config), unit=unit, noise=noise, seed=seed
-    )
+    plan, settings = read_schedule(schedule), read_config(config)
+    with naming(config):
+        recording = simulate_from_config(
+            plan, settings, unit=unit, noise=noise, seed=seed
+        )
     write_recording(recording, output)
     session.wrote(output, ": simulated")
 

@@ -62,14 +62,18 @@ def locate_inputs(
         DataError: An input is missing or has changed.
     """
     from pushfit.data.text.files import sha256_of
+    from pushfit.report.store.output_folder import SETTINGS
 
     recipe = summary.get("recipe")
     if recipe is None:
+        settings = "GRASP.TOML with the same settings"
+        if (result / SETTINGS).is_file():
+            settings = str(result / SETTINGS)
         raise ConfigError(
             f"{result}: does not say which files became its table, which was made in "
             "Python or by `explore`; only results of `identify` and `fit` can be "
-            f"verified. Have `fit` identify {result / 'peaks.csv'} with the same "
-            f"settings, --seed {summary['seed']} and another --out, and compare the "
+            f"verified. Identify {result / 'peaks.csv'} anew, --config {settings} "
+            f"--seed {summary['seed']} and another --out, by `fit`, and compare the "
             "two by `diff`",
             code="no_recipe",
         )

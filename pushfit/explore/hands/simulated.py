@@ -197,6 +197,20 @@ def joints_stated(config: GraspConfig) -> GraspConfig:
     return config.with_keys("noise", **missing)
 
 
+def check_normal(normal: str) -> None:
+    """Refuse a name of the normal component that this hand has no reading of.
+
+    Raises:
+        ConfigError: There is no such component.
+    """
+    if normal.removeprefix("-") not in AXES:
+        raise ConfigError(
+            f"[peaks] normal = {normal!r} is no channel of the simulated sensor, which "
+            f"has {', '.join(AXES)}; name one of these to explore with it",
+            code="no_channel",
+        )
+
+
 def simulated_hand(
     config: GraspConfig,
     *,
@@ -216,15 +230,8 @@ def simulated_hand(
         normal: Of force components, the one along the contact normal, see `Session`.
 
     Raises:
-        ConfigError: A parameter is missing, the preload is no number, or there is no
-            such component.
+        ConfigError: A parameter is missing, or the preload is no number.
     """
-    if normal.removeprefix("-") not in AXES:
-        raise ConfigError(
-            f"[peaks] normal = {normal!r} is no channel of the simulated sensor, which "
-            f"has {', '.join(AXES)}; name one of these to explore with it",
-            code="no_channel",
-        )
     preload = config.preload_in(unit)
     if isinstance(preload, str):
         raise ConfigError(

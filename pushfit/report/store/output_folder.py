@@ -10,12 +10,14 @@ from pathlib import Path
 from pushfit.atomic import check_parent, is_stream
 from pushfit.errors import ConfigError, installed_by
 
-# How a grasp was explored, which no result makes anew: what was told, and its picture.
-JOURNAL, EXPLORATION = EXPLORED = ("journal.jsonl", "exploration.png")
+# How a grasp was explored, which no result makes anew: what was told, its picture, and
+# the settings, what the hand says of its joints among them.
+EXPLORED = ("journal.jsonl", "exploration.png", "settings.toml")
+JOURNAL, EXPLORATION, SETTINGS = EXPLORED
 # What every result has, and what is read back from it.
 RESULT = frozenset({"result.nc", "summary.json"})
 KEPT = RESULT | {"peaks.csv", JOURNAL}
-CONTENT = KEPT | {"report.txt", "report.html", "figures", EXPLORATION}
+CONTENT = KEPT | {"report.txt", "report.html", "figures", EXPLORATION, SETTINGS}
 
 
 # What each library makes of a result.

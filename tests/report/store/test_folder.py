@@ -45,7 +45,7 @@ def test_a_format_that_is_asked_for_comes_on_top(theta_only, tmp_path):
 @pytest.mark.slow
 def test_a_result_holds_everything_that_the_design_names(theta_only, tmp_path):
     out = write_result_folder(theta_only, tmp_path / "result", force=False)
-    explored = {"journal.jsonl", "exploration.png"}
+    explored = {"journal.jsonl", "exploration.png", "settings.toml"}
     assert {entry.name for entry in out.iterdir()} == CONTENT - explored
     names = {path.name for path in (out / "figures").iterdir()}
     assert {"main.svg", "theta_c.svg", "corner_parameters.png", "traces.png"} <= names
