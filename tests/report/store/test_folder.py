@@ -17,7 +17,7 @@ from pushfit.errors import ConfigError
 from pushfit.report.store import folder as folder_module
 from pushfit.report.store.archive import posterior_tree
 from pushfit.report.store.folder import write_result_folder
-from pushfit.report.store.output_folder import CONTENT
+from pushfit.report.store.output_folder import CONTENT, EXPLORED
 from pushfit.report.store.summary import summary_dict
 from pushfit.report.text.result import render_text
 from tests.report.store.test_read import leave_out_figures
@@ -45,8 +45,7 @@ def test_a_format_that_is_asked_for_comes_on_top(theta_only, tmp_path):
 @pytest.mark.slow
 def test_a_result_holds_everything_that_the_design_names(theta_only, tmp_path):
     out = write_result_folder(theta_only, tmp_path / "result", force=False)
-    explored = {"journal.jsonl", "exploration.png", "settings.toml"}
-    assert {entry.name for entry in out.iterdir()} == CONTENT - explored
+    assert {entry.name for entry in out.iterdir()} == CONTENT - set(EXPLORED)
     names = {path.name for path in (out / "figures").iterdir()}
     assert {"main.svg", "theta_c.svg", "corner_parameters.png", "traces.png"} <= names
     # Each figure once; a second format only for who asks.
@@ -261,7 +260,7 @@ def test_a_result_is_on_disk_before_it_has_its_name(determined, tmp_path, monkey
     monkeypatch.setattr(folder_module.os, "rename", note_rename)
     write_result_folder(determined, tmp_path / "result", force=False)
     # Six entries and the folder before, the parent after.
-    assert events.index("rename") >= len(CONTENT) + 1
+    assert events.index("rename") >= len(CONTENT - set(EXPLORED)) + 1
     assert events[-1] == "fsync"
 
 
