@@ -52,7 +52,7 @@ def read_settings(layout: SettingsOptions, **peaks: Any) -> "GraspConfig":
 
 
 @contextmanager
-def naming(path: Path | None) -> Iterator[None]:
+def naming_settings(path: Path | None) -> Iterator[None]:
     """Name the file whose settings are refused by what is made of them."""
     try:
         yield

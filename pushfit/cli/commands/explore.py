@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from pushfit.cli import options
-from pushfit.cli.inputs import naming, warn_of_unread
+from pushfit.cli.inputs import naming_settings, warn_of_unread
 from pushfit.cli.output import refuse_picture, warn_of_missing
 from pushfit.cli.session import CommandSession
 from pushfit.cli.stop import say_kept
@@ -263,7 +263,7 @@ def explore(
         made_by["truth"] = held.model_dump(mode="json", exclude_none=True)
         normal = settings.peaks.normal or "fz"
         check_normal(normal)
-        with naming(truth):
+        with naming_settings(truth):
             finger = simulated = simulated_hand(
                 held,
                 theta_deg=asked.theta,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pushfit.cli import options
-from pushfit.cli.inputs import load_peaks, naming, read_settings
+from pushfit.cli.inputs import load_peaks, naming_settings, read_settings
 from pushfit.cli.output import refuse_existing, refuse_picture, write_text
 from pushfit.cli.session import CommandSession
 from pushfit.errors import DataError, counted
@@ -214,7 +214,7 @@ def simulate(
 
     refuse_existing(output, force=force)
     plan, settings = read_schedule(schedule), read_config(config)
-    with naming(config):
+    with naming_settings(config):
         recording = simulate_from_config(
             plan, settings, unit=unit, noise=noise, seed=seed
         )

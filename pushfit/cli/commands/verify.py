@@ -66,15 +66,15 @@ def locate_inputs(
 
     recipe = summary.get("recipe")
     if recipe is None:
-        settings = "GRASP.TOML with the same settings"
-        if (result / SETTINGS).is_file():
-            settings = str(result / SETTINGS)
+        settings, note = result / SETTINGS, ""
+        if not settings.is_file():
+            settings, note = Path("GRASP.TOML"), " with the settings that it had"
         raise ConfigError(
             f"{result}: does not say which files became its table, which was made in "
             "Python or by `explore`; only results of `identify` and `fit` can be "
-            f"verified. Identify {result / 'peaks.csv'} anew, --config {settings} "
-            f"--seed {summary['seed']} and another --out, by `fit`, and compare the "
-            "two by `diff`",
+            f"verified. `pushfit fit {result / 'peaks.csv'} --config {settings} --seed "
+            f"{summary['seed']} --out ANEW` identifies the table anew{note}; compare "
+            "the two by `diff`",
             code="no_recipe",
         )
     found = {}
