@@ -277,6 +277,7 @@ class Judge:
             self._known(belief, angle, interval)
             for angle, interval in state.intervals.items()
         )
+        are = "is" if len(state.intervals) == 1 else "are"
         half, n = f"± {self.width / 2:g}°", counted(state.n_pushes, "push")
         names = " and ".join(ANGLES[angle].prose for angle in state.intervals)
         left = f"the {state.n_left} pushes that are left"
@@ -300,8 +301,8 @@ class Judge:
                 )
             case Answer.OUT_OF_BUDGET:
                 text = (
-                    f"no pushes are left, and {names} is not decided: {known}. More of "
-                    "them go on: by a larger budget with the same journal, or by "
+                    f"no pushes are left, and {names} {are} not decided: {known}. More "
+                    "of them go on: by a larger budget with the same journal, or by "
                     "`pushfit next` on their table."
                 )
             case _:

@@ -2,18 +2,15 @@
 
 Where the compile cache is on, `compiled` keeps machine code under a digest of what was
 lowered, as JAX would. Tracing and lowering take longer than loading; so that digest is
-kept, too, under a fingerprint of the source of pushfit, the versions of the packages
-that trace, the kind of processor, and the arguments but for the numbers in arrays; not
-where these, or the source of mechanics from outside the package, say too little.
-Loading takes long as well, but leaves Python free: `loaded_ahead` has threads load what
-an analysis used the last time. `kept` keeps what follows from settings alone. A file
-that is damaged, or cannot be written, is as good as none. Excluded: where the files are
-(`pushfit.fit.programs.folder`).
+kept, too, under a fingerprint of the source and of the arguments but for the numbers in
+arrays; not where these, or the source of mechanics from outside the package, say too
+little. Loading takes long as well, but leaves Python free: `loaded_ahead` has threads
+load what an analysis used the last time. Excluded: the files
+(`pushfit.fit.programs.kept`).
 """
 
 import contextlib
 import functools
-import hashlib
 import os
 import pickle
 import threading
@@ -21,7 +18,6 @@ import zlib
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 from typing import Any, Generic, ParamSpec, TypeVar
 
@@ -31,16 +27,14 @@ from jax.core import Tracer
 from jax.experimental import serialize_executable
 from jaxtyping import Array, Float
 
-from pushfit.atomic import atomic_path
 from pushfit.fit.programs.devices import check_devices
 from pushfit.fit.programs.folder import programs_folder
+from pushfit.fit.programs.kept import ORIGIN, fingerprint_here, read_kept, write_kept
 from pushfit.mechanics.registry import has_foreign
 from pushfit.model import as_float
 
 P = ParamSpec("P")
 R = TypeVar("R")
-# What takes part in tracing and compiling.
-TRACED_BY = ("blackjax", "jax", "jaxlib", "equinox", "lineax", "optimistix")
 # XLA's newer code for fused loops takes twice as long to make and is no faster here,
 # and nor is what LLVM takes longer to make of it beyond its first level.
 OPTIONS = {"xla_cpu_use_fusion_emitters": False, "xla_backend_optimization_level": 1}
@@ -59,13 +53,10 @@ LAPACK = b"lapack"
 FOUND = "/jax/compilation_cache/cache_hits"
 # Changes with what is in a file of machine code, which any version of pushfit may read.
 FORMAT = "compressed, every argument"
-DIGEST_SIZE = hashlib.sha256().digest_size
 # Programs that one process holds, those used last. Each takes some 200 mappings of
 # memory, of which Linux has 65 530 for a process: one that met many kinds of tables
 # died of it.
 MAX_PROGRAMS = 128
-# Files of each kind that are kept, by their endings; another one replaces the oldest.
-MAX_FILES = {"program": 512, "traced": 4096, "kept": 64, "run": 512}
 # Threads that load programs, nearly all of it without Python: one core is left to it.
 N_LOADERS = max(1, min(os.cpu_count() or 1, 4) - 1)
 # Held while a program is looked up, not while it is made.
@@ -86,22 +77,6 @@ def _hear(event: str, **_: str | int) -> None:
 
 
 jax.monitoring.register_event_listener(_hear)
-
-
-def _origin(package: Path) -> str:
-    """Digest of what programs are traced by."""
-    digest = hashlib.sha256()
-    for path in sorted(package.rglob("*.py")):
-        source = hashlib.sha256(path.read_bytes()).hexdigest()
-        digest.update(f"{path.relative_to(package)} {source}\n".encode())
-    for name in TRACED_BY:
-        digest.update(f"{name} {metadata.version(name)}\n".encode())
-    return digest.hexdigest()
-
-
-PACKAGE = Path(__file__).parents[2]
-# Of the source as it was imported.
-ORIGIN = _origin(PACKAGE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -206,35 +181,20 @@ def _made(
         return jit(flat)
     if ADDRESS in text or has_foreign():
         return _compile(flat, shapes, folder)[0]
-    path = folder / f"{_fingerprint(ORIGIN, text)}-traced"
+    path = folder / f"{fingerprint_here(ORIGIN, text)}-traced"
     _used[path.name] = None
     ahead = _ahead.pop(path, None)
     program = (ahead and ahead.result()) or _load(path)
     if program is None:
         program, trace = _compile(flat, shapes, folder)
         if trace is not None:
-            _write(path, pickle.dumps(trace))
+            write_kept(path, pickle.dumps(trace))
     return program
-
-
-def _fingerprint(*parts: str) -> str:
-    """Digest of texts, and of where machine code made from them runs."""
-    parts = (*_processor(), os.environ.get("XLA_FLAGS", ""), *parts)
-    return hashlib.sha256("\0".join(parts).encode()).hexdigest()
-
-
-@functools.cache
-def _processor() -> tuple[str, ...]:
-    """What machine code depends on; another processor may lack some instructions."""
-    features = np.show_config(mode="dicts")["SIMD Extensions"]
-    device = jax.devices()[0]
-    version = metadata.version("jaxlib")
-    return (jax.default_backend(), device.device_kind, version, str(features))
 
 
 def _load(path: Path) -> Callable[..., Any] | None:
     """A program from what is kept of its trace; None where some of it is missing."""
-    content = _read(path)
+    content = read_kept(path)
     if content is None:
         return None
     trace = pickle.loads(content)
@@ -243,7 +203,7 @@ def _load(path: Path) -> Callable[..., Any] | None:
 
 def _loaded(path: Path, trace: TracedProgram) -> Callable[..., Any] | None:
     """A program from its machine code; None where there is none, or a damaged one."""
-    content = _read(path)
+    content = read_kept(path)
     if content is None:
         return None
     code = zlib.decompress(content)
@@ -267,30 +227,6 @@ def _bind_lapack() -> None:
     jax.jit(jax.numpy.linalg.cholesky).lower(jax.ShapeDtypeStruct((1, 1), float))
 
 
-def _read(path: Path) -> bytes | None:
-    """Content of a file of `_write`; None where there is none, or a damaged one."""
-    try:
-        content = path.read_bytes()
-    except OSError:
-        return None
-    digest, kept = content[:DIGEST_SIZE], content[DIGEST_SIZE:]
-    return kept if hashlib.sha256(kept).digest() == digest else None
-
-
-def _write(path: Path, content: bytes) -> None:
-    """Keep something that follows from the source, if it can be."""
-    # Source that was edited since would put this under another's name.
-    if _origin(PACKAGE) != ORIGIN:
-        return
-    with contextlib.suppress(OSError), atomic_path(path) as temporary:
-        temporary.write_bytes(hashlib.sha256(content).digest() + content)
-    kind = path.name.rpartition("-")[2]
-    with contextlib.suppress(OSError):  # others may tidy up at the same time
-        alike = sorted(path.parent.glob(f"*-{kind}"), key=lambda p: p.stat().st_mtime)
-        for old in alike[: -MAX_FILES[kind]]:
-            old.unlink()
-
-
 def _compile(
     function: Callable[..., R], shapes: Iterable[tuple[Any, Any]], folder: Path
 ) -> tuple[Callable[..., R], TracedProgram | None]:
@@ -305,7 +241,7 @@ def _compile(
     if CALLBACK in text:
         return lowered.compile(), None
     trace = TracedProgram(
-        name=f"{_fingerprint(FORMAT, str(OPTIONS), text)}-program",
+        name=f"{fingerprint_here(FORMAT, str(OPTIONS), text)}-program",
         n=len(arrays),
         n_returned=outputs.num_leaves,
         returned=pickle.dumps(jax.tree.unflatten(outputs, range(outputs.num_leaves))),
@@ -319,26 +255,8 @@ def _compile(
     if threading.get_ident() in _found:
         return program, None
     code, _, _ = serialize_executable.serialize(program)
-    _write(path, zlib.compress(code, level=1))
+    write_kept(path, zlib.compress(code, level=1))
     return program, trace
-
-
-def kept(text: str, make: Callable[[], R]) -> R:
-    """What follows from a text and the source alone, made once for all processes.
-
-    Args:
-        text: What tells it from others, numbers to the last digit included.
-    """
-    folder = programs_folder()
-    if folder is None or has_foreign():
-        return make()
-    path = folder / f"{_fingerprint(ORIGIN, text)}-kept"
-    content = _read(path)
-    if content is not None:
-        return pickle.loads(content)
-    made = make()
-    _write(path, pickle.dumps(made))
-    return made
 
 
 @contextlib.contextmanager
@@ -355,7 +273,7 @@ def loaded_ahead(analysis: str, *, is_here: bool = True) -> Iterator[bool]:
     """
     check_devices()
     folder, before = programs_folder(), set(_used)
-    content = None if folder is None else _read(_mark(folder, analysis))
+    content = None if folder is None else read_kept(_mark(folder, analysis))
     if is_here and folder is not None and content is not None:
         paths = [folder / name for name in content.decode().split()]
         _load_ahead([path for path in paths if path.name not in before])
@@ -363,7 +281,7 @@ def loaded_ahead(analysis: str, *, is_here: bool = True) -> Iterator[bool]:
     own = [name for name in tuple(_used) if name not in before]
     # What is in memory from earlier ones is no part of it.
     if folder is not None and (own or content is None):
-        _write(_mark(folder, analysis), "\n".join(own).encode())
+        write_kept(_mark(folder, analysis), "\n".join(own).encode())
 
 
 def _load_ahead(paths: list[Path]) -> None:
@@ -382,7 +300,7 @@ def _load_ahead(paths: list[Path]) -> None:
 
 
 def _mark(folder: Path, name: str) -> Path:
-    return folder / f"{_fingerprint(ORIGIN, name)}-run"
+    return folder / f"{fingerprint_here(ORIGIN, name)}-run"
 
 
 def in_chunks(

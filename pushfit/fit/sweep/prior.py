@@ -21,7 +21,8 @@ from pushfit.fit.problem.priors.tabulated_density import (
 )
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.repeats.pooling import pool_repeats
-from pushfit.fit.programs.compile import compiled, kept
+from pushfit.fit.programs.compile import compiled
+from pushfit.fit.programs.kept import kept
 from pushfit.fit.sweep.coordinate_roles import roles_of
 from pushfit.fit.sweep.target import QuantileTable, Target
 from pushfit.model import as_float

@@ -22,6 +22,7 @@ from pushfit.data.simulate import simulate_table
 from pushfit.fit.identify.fit_table import fit_table
 from pushfit.fit.programs import compile as programs
 from pushfit.fit.programs import folder as cache
+from pushfit.fit.programs import kept as files
 from pushfit.fit.programs.compile import compiled
 from pushfit.fit.sweep.draws import Draw
 from pushfit.fit.sweep.sheet import Sheet
@@ -106,8 +107,9 @@ def test_other_source_of_the_same_program_is_traced_but_not_compiled(
 ):
     function, _ = counted()
     function(LINE, X)
-    monkeypatch.setattr(programs, "ORIGIN", "edited")
-    monkeypatch.setattr(programs, "_origin", lambda package: "edited")
+    for module in (programs, files):
+        monkeypatch.setattr(module, "ORIGIN", "edited")
+    monkeypatch.setattr(files, "_origin", lambda package: "edited")
     monkeypatch.setattr(jax.stages.Lowered, "compile", None)
     later, traced = counted()
     np.testing.assert_array_equal(later(LINE, X).value, 3 * np.arange(4.0) ** 2)
@@ -225,7 +227,8 @@ def test_a_process_holds_the_programs_that_it_used_last(monkeypatch):
 def test_another_source_has_another_program(folder, monkeypatch):
     function, _ = counted()
     function(LINE, X)
-    monkeypatch.setattr(programs, "ORIGIN", "edited")
+    for module in (programs, files):
+        monkeypatch.setattr(module, "ORIGIN", "edited")
     later, traced = counted()
     later(LINE, X)
     assert len(traced) == 1
@@ -354,22 +357,8 @@ def test_a_fit_is_the_same_to_the_last_bit(folder, monkeypatch):
         assert fit.chi_square == plain.chi_square
 
 
-def test_every_part_of_the_source_counts(tmp_path):
-    package = tmp_path / "package"
-    package.mkdir()
-    (package / "a.py").write_text("x = 1\n")
-    seen = {programs._origin(package)}
-    (package / "a.py").write_text("x = 2\n")
-    seen.add(programs._origin(package))
-    (package / "a.py").rename(package / "b.py")
-    seen.add(programs._origin(package))
-    (package / "a.py").write_text("")
-    seen.add(programs._origin(package))
-    assert len(seen) == 4
-
-
 def test_source_that_was_edited_since_keeps_nothing(folder, monkeypatch):
-    monkeypatch.setattr(programs, "_origin", lambda package: "edited")
+    monkeypatch.setattr(files, "_origin", lambda package: "edited")
     function, _ = counted()
     function(LINE, X)
     assert not list(folder.iterdir())
@@ -389,34 +378,6 @@ def test_what_the_engines_return_can_be_kept(folder, returned):
     found = programs._load(path)(X)
     assert isinstance(found, returned)
     np.testing.assert_array_equal(jax.tree.leaves(found)[0], X)
-
-
-def test_arrays_are_made_once_and_read_back_to_the_bit(folder):
-    made = {"ln A": np.geomspace(1e-300, 1e300, 7), "mean": np.array(0.1)}
-    assert programs.kept("prior", lambda: made) is made
-    found = programs.kept("prior", lambda: pytest.fail("made again"))
-    assert list(found) == list(made)
-    for name, values in made.items():
-        np.testing.assert_array_equal(found[name], values)
-    assert programs.kept("another", dict) == {}
-
-
-def test_damaged_arrays_are_made_again(folder):
-    programs.kept("prior", lambda: {"mean": np.ones(3)})
-    (path,) = folder.iterdir()
-    path.write_bytes(path.read_bytes()[:-1])
-    again = programs.kept("prior", lambda: {"mean": np.zeros(3)})
-    np.testing.assert_array_equal(again["mean"], 0.0)
-
-
-def test_of_many_arrays_the_latest_are_kept(folder, monkeypatch):
-    monkeypatch.setitem(programs.MAX_FILES, "kept", 2)
-    for number in range(4):
-        programs.kept(f"prior {number}", lambda: {"mean": np.ones(1)})
-        for path in folder.iterdir():
-            os.utime(path, ns=(10**9, path.stat().st_mtime_ns - 10**9))
-    assert len(list(folder.iterdir())) == 2
-    programs.kept("prior 3", lambda: pytest.fail("made again"))
 
 
 def test_child_processes_find_the_same_folder(monkeypatch, tmp_path):
