@@ -52,8 +52,8 @@ def read_settings(layout: SettingsOptions, **peaks: Any) -> "GraspConfig":
 
 
 @contextmanager
-def naming_settings(path: Path | None) -> Iterator[None]:
-    """Name the file whose settings are refused by what is made of them."""
+def naming_settings(path: Path | str | None) -> Iterator[None]:
+    """Name the file, or what else the settings are of that something refuses."""
     try:
         yield
     except ConfigError as error:

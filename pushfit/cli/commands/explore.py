@@ -256,14 +256,14 @@ def explore(
         )
 
         settings = joints_stated(settings)
-        truth = truth or example_folder() / "truth.toml"
-        held = read_config(truth)
+        told = "the grasp of the example, as no --truth is given"
+        held = read_config(truth or example_folder() / "truth.toml")
         sensor = unit_of(settings, held, stated=unit)
         made_by |= {"noise": noise, "scatter": scatter}
         made_by["truth"] = held.model_dump(mode="json", exclude_none=True)
         normal = settings.peaks.normal or "fz"
         check_normal(normal)
-        with naming_settings(truth):
+        with naming_settings(truth or told):
             finger = simulated = simulated_hand(
                 held,
                 theta_deg=asked.theta,
@@ -367,7 +367,7 @@ def _run(
                 f"to go on with this grasp, copy {out / JOURNAL} to {journal}, and "
                 "give the same command a larger --budget, and --force; or ask "
                 f"`pushfit next {out / 'peaks.csv'} --config {out / SETTINGS}`, "
-                "with the same --theta"
+                "with the same --ask, --theta and other limits"
             )
     else:
         session.say(

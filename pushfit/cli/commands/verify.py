@@ -73,8 +73,8 @@ def locate_inputs(
             f"{result}: does not say which files became its table, which was made in "
             "Python or by `explore`; only results of `identify` and `fit` can be "
             f"verified. `pushfit fit {result / 'peaks.csv'} --config {settings} --seed "
-            f"{summary['seed']} --out ANEW` identifies the table anew{note}; compare "
-            "the two by `diff`",
+            f"{summary['seed']} --out ANEW` identifies the table anew{note}; the "
+            "numbers of both summary.json are then to be equal",
             code="no_recipe",
         )
     found = {}

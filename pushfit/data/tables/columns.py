@@ -61,9 +61,10 @@ class Origin:
 
     def places(self, rows: Int[np.ndarray, " m"]) -> str:
         """Lines of rows, or their numbers from 1 where there are no lines."""
-        if self.lines is None:
-            return f"rows {in_runs((rows + 1).tolist())}"
-        return f"lines {in_runs(self.lines[rows].tolist())}"
+        word, numbers = "row", rows + 1
+        if self.lines is not None:
+            word, numbers = "line", self.lines[rows]
+        return f"{word}{'s' * (rows.size > 1)} {in_runs(numbers.tolist())}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

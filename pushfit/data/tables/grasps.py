@@ -20,7 +20,7 @@ from pushfit.data.tables.peak_table import PeakTable, read_table
 from pushfit.data.tables.rules import GRASP, KNOWN, grasp_names
 from pushfit.data.text.faults import data_error, refuse
 from pushfit.data.text.files import Source
-from pushfit.errors import DataError, InputProblem
+from pushfit.errors import ConfigError, DataError, InputProblem
 
 # The header of a table is in its first bytes.
 _HEAD = 4096
@@ -62,12 +62,12 @@ def is_long_table(path: str | Path) -> bool:
         path: File that exists.
 
     Returns:
-        Whether `grasp` is a word of its header. Folders are no tables.
+        Whether it has a column `grasp` that names some. Folders are no tables.
     """
     if Path(path).is_dir():
         return False
     if is_parquet(path):
-        return _parquet_has_grasps(path)
+        return _names_grasps(path)
     with open(path, "rb") as file:
         start = file.read(_HEAD)
     if start.startswith(b"\x1f\x8b"):
@@ -76,11 +76,9 @@ def is_long_table(path: str | Path) -> bool:
                 start = file.read(_HEAD)
         except (OSError, EOFError, zlib.error):
             return False
-    lines = start.replace(b"\x00", b"").lower().splitlines()
-    header = next((line for line in lines if not line.startswith(b"#")), b"")
-    for delimiter in (b";", b"\t", b" ", b'"', b"\xef\xbb\xbf"):
-        header = header.replace(delimiter, b",")
-    return GRASP.encode() in header.split(b",")
+    if GRASP.encode() not in start.replace(b"\x00", b"").lower():
+        return False
+    return _names_grasps(path)
 
 
 def read_grasps(path: str | Path) -> Iterator[GraspRows]:
@@ -159,10 +157,10 @@ def _place(rows: Rows, row: int) -> str:
     return f"row {row + 1}" if lines is None else f"line {int(lines[row])}"
 
 
-def _parquet_has_grasps(path: str | Path) -> bool:
-    """Whether a Parquet file has the column."""
+def _names_grasps(path: str | Path) -> bool:
+    """Whether a file is a table whose rows name grasps, or some of them."""
     try:
-        pd.read_parquet(path, engine="pyarrow", columns=[GRASP])
-    except (ImportError, OSError, ValueError, KeyError):
+        names = grasp_names(read_rows(path, KNOWN).frame)
+    except (DataError, ConfigError):
         return False
-    return True
+    return names is not None and bool((names != "").any())

@@ -116,10 +116,12 @@ def _refuse_several_grasps(raw: pd.DataFrame, columns: Columns, origin: Origin) 
         str(name): f"{name or 'none'} ({origin.places(where)})"
         for name, where in names.groupby(names, sort=False).indices.items()
     }
+    cure = "`pushfit batch` identifies each of them, else keep the rows of one"
+    if "" in rows:
+        cure = "give every row its grasp, or leave the column out"
     text = (
         f"names {len(rows)} grasps, each with parameters of its own: "
-        f"{listed([*rows.values()])}; `pushfit batch` identifies each of "
-        "them, else keep the rows of one"
+        f"{listed([*rows.values()])}; {cure}"
     )
     raise data_error(
         [

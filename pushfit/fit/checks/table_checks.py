@@ -52,7 +52,22 @@ EDGE = 4.0
 def table_warnings(table: PeakTable, config: GraspConfig) -> Iterator[ResultWarning]:
     """What the table and the configuration already say."""
     yield from settings_warnings(config, table.unit)
-    yield from faults_of(table)
+    may_tip = _may_tip(table, config)
+    for warning in faults_of(table):
+        if not (may_tip and warning.code == "inverted_heights"):
+            yield warning
+
+
+def _may_tip(table: PeakTable, config: GraspConfig) -> bool:
+    """Whether heights may be negative, as of an object that tips over.
+
+    Then a push takes some of the preload away, but no more than there is.
+    """
+    preload, unit = config.grasp.preload
+    if unit != table.unit or preload == "estimate":
+        return False
+    heights = [table.heights(c)[table.is_used] for c in table.channels]
+    return bool(np.all(np.stack(heights) > -preload))
 
 
 def settings_warnings(config: GraspConfig, unit: str) -> Iterator[ResultWarning]:
@@ -98,8 +113,8 @@ def faults_of(table: PeakTable) -> Iterator[ResultWarning]:
     for name, key in stated.items():
         yield ResultWarning(
             code="column_ignored",
-            text=f"the column {name} is not used: state it as {key}, and give pushes "
-            "of another value a table and settings of their own",
+            text=f"the column {name} is not used: {key} in the settings says it of all "
+            "pushes, and those of another value are another table",
         )
     yield from _equal_heights(table)
     yield from _inverted(table)
@@ -177,9 +192,9 @@ def _inverted(table: PeakTable) -> Iterator[ResultWarning]:
             yield ResultWarning(
                 code="inverted_heights",
                 text=f"{np.sum(heights < 0)} of {rows.size} pushes into the surface "
-                f"(θ > 0) have a negative {channel}_{table.unit}, the more so the "
-                "steeper they are, and any grasp resists them by a positive one; turn "
-                f"the sign of the column, or take heights again with {cure}",
+                f"(θ > 0) have a negative {channel}_{table.unit}, and any grasp that "
+                "does not tip over resists them by a positive one; turn the sign of "
+                f"the column, or take heights again with {cure}",
             )
 
 

@@ -9,7 +9,7 @@ import pytest
 from pushfit.atomic import atomic_path
 from pushfit.data.check import file_kind
 from pushfit.data.recordings.recording import Source
-from pushfit.data.tables.grasps import read_tables
+from pushfit.data.tables.grasps import is_long_table, read_tables
 from pushfit.data.tables.peak_table import PeakTable, read_table, write_table
 from pushfit.errors import ConfigError, DataError
 from tests.tolerances import EXACT
@@ -42,7 +42,7 @@ TWO = "Grasp," + GOOD.replace("\n1", "\na,1").replace("\n3", "\nb,3")
 def test_pushes_of_several_grasps_are_not_read_as_those_of_one(tmp_path):
     error = rejected(tmp_path, TWO)
     assert error.code == "several_grasps"
-    assert "a (lines 2, 4), b (lines 3)" in str(error)
+    assert "a (lines 2, 4), b (line 3)" in str(error)
     assert "pushfit batch" in str(error)
 
 
@@ -54,6 +54,32 @@ def test_grasps_in_one_file_are_read_apart(tmp_path):
     tables = read_tables(written(tmp_path, TWO))
     heights = {name: table.heights("height").tolist() for name, table in tables.items()}
     assert heights == {"a": [1.0, 1.2], "b": [2.0]}
+
+
+def test_grasps_are_found_below_what_stands_before_the_columns(tmp_path):
+    path = written(tmp_path, "unit: N\n" + TWO)
+    assert is_long_table(path)
+    assert list(read_tables(path)) == ["a", "b"]
+
+
+def test_grasps_of_a_parquet_file_are_read_apart_whatever_the_case(tmp_path):
+    pytest.importorskip("pyarrow")
+    path = tmp_path / "peaks.parquet"
+    pd.read_csv(written(tmp_path, TWO)).to_parquet(path)
+    assert list(read_tables(path)) == ["a", "b"]
+
+
+def test_a_column_of_grasps_that_names_none_is_as_good_as_none(tmp_path):
+    path = written(tmp_path, TWO.replace("\na", "\n").replace("\nb", "\n"))
+    assert not is_long_table(path)
+    (table,) = read_tables(path).values()
+    assert table.n_pushes == read_table(path).n_pushes == 3
+
+
+def test_rows_without_a_grasp_among_others_are_to_be_given_one(tmp_path):
+    error = rejected(tmp_path, TWO.replace("\nb", "\n"))
+    assert "none (line 3); give every row its grasp" in str(error)
+    assert "batch" not in str(error)
 
 
 def test_angles_are_radians_inside(tmp_path):

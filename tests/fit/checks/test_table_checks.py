@@ -58,7 +58,7 @@ def test_a_column_that_says_what_settings_say_is_not_silently_ignored(column, ke
         if warning.code == "column_ignored"
     ]
     assert len(texts) == (key is not None)
-    assert all(f"{column} is not used: state it as {key}" in text for text in texts)
+    assert all(f"{column} is not used: {key} in" in text for text in texts)
 
 
 def signed(theta_deg, heights, channel="height"):
@@ -78,6 +78,16 @@ def test_heights_of_inverted_sign_are_said(sign, channel):
     theta = np.linspace(10.0, 80.0, 8)
     table = signed(theta, sign * 2.5 * np.sin(np.radians(theta)) + 0.05, channel)
     assert ("inverted_heights" in codes(table)) is (sign < 0)
+
+
+@pytest.mark.parametrize("preload", [1.0, 3.0])
+def test_an_object_that_tips_takes_no_more_than_the_preload_away(preload):
+    """Heights of -0.4 to -2.5 N, and a stated preload of less or of more."""
+    theta = np.linspace(10.0, 80.0, 8)
+    table = signed(theta, 0.05 - 2.5 * np.sin(np.radians(theta)))
+    stated = config(f"[grasp]\npreload_n = {preload}\n")
+    found = {warning.code for warning in table_warnings(table, stated)}
+    assert ("inverted_heights" in found) is (preload < 2)
 
 
 @pytest.mark.parametrize(
