@@ -10,7 +10,7 @@ import pytest
 
 from pushfit.cli.app import main
 from pushfit.data.simulate import simulate_table
-from pushfit.data.tables.peak_table import read_table, write_table
+from pushfit.data.tables.peak_table import PeakTable, read_table, write_table
 from pushfit.explore.hands.protocol import PushOutcome, PushStatus
 from pushfit.explore.hands.simulated import SimulatedHand
 from pushfit.model import Grasp
@@ -106,6 +106,13 @@ def test_one_height_unlike_the_others_is_said_without_a_noise(
     assert (f"no grasp gives all of these heights: {words}" in said) is (code == 3)
 
 
+def next_after(frame, folder, grasp, *, width):
+    """Exit code of `next` after the pushes of a frame."""
+    path = folder / "peaks.csv"
+    write_table(PeakTable.from_frame(frame), path)
+    return main(["next", str(path), "--config", str(grasp), "--width", str(width)])
+
+
 @pytest.mark.parametrize(("sign", "code"), [(1.0, 0), (-1.0, 3)])
 def test_of_heights_of_inverted_sign_nothing_is_said_but_the_cure(
     sign, code, tmp_path, hard_grasp, capsys
@@ -113,9 +120,7 @@ def test_of_heights_of_inverted_sign_nothing_is_said_but_the_cure(
     table = pushed(np.linspace(10.0, 80.0, 24), noise=0.02, channels=("height",))
     frame = table.frame.copy()
     frame["height_n"] *= sign
-    write_table(type(table).from_frame(frame), tmp_path / "peaks.csv")
-    words = [str(tmp_path / "peaks.csv"), "--config", str(hard_grasp), "--width", "90"]
-    assert main(["next", *words]) == code
+    assert next_after(frame, tmp_path, hard_grasp, width=90) == code
     said = capsys.readouterr()
     assert ("θ_c in " in said.out) is (code == 0)
     assert ("take heights again with peaks.invert = true" in said.err) is (code == 3)
@@ -130,9 +135,7 @@ def test_nothing_is_decided_by_a_model_that_is_not_that_of_the_heights(
     table = pushed(theta, noise=0.01)
     frame = table.frame.copy()
     frame["height_normal_n"] *= 1 + wave * np.sin(np.radians(9 * theta))
-    write_table(type(table).from_frame(frame), tmp_path / "peaks.csv")
-    words = [str(tmp_path / "peaks.csv"), "--config", str(hard_grasp), "--width", "40"]
-    assert main(["next", *words]) == code
+    assert next_after(frame, tmp_path, hard_grasp, width=40) == code
     said = capsys.readouterr()
     assert ("θ_c decided to ± 20°" in said.out) is (code == 0)
     assert ("the model does not describe" in said.out) is (code == 3)

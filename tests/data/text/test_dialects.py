@@ -147,7 +147,8 @@ def test_a_file_without_names_is_read_with_names_from_the_user(write):
 
 
 def test_names_from_the_user_must_name_every_field(write):
-    with pytest.raises(DataError, match="lines 1–2: 2 fields, but 3 columns were named"):
+    said = "lines 1–2: 2 fields, but 3 columns were named"
+    with pytest.raises(DataError, match=said):
         read_recording(write("0,1.5\n0.01,1.6\n"), columns=["time_s", "p_n", "q_n"])
 
 
