@@ -5,20 +5,19 @@ Excluded: how pushes are chosen (`pushfit.explore.explorer`).
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from pushfit.cli import options
+from pushfit.cli.asked import Asked, UnitOption, sensor_unit
 from pushfit.cli.inputs import naming_settings, warn_of_unread
 from pushfit.cli.output import refuse_picture, warn_of_missing
 from pushfit.cli.session import CommandSession
 from pushfit.cli.stop import say_kept
 from pushfit.errors import ConfigError, DataError, FitError
-from pushfit.parameters import SensorUnit
 from pushfit.report.store.output_folder import PARTS
 
 if TYPE_CHECKING:
@@ -26,111 +25,6 @@ if TYPE_CHECKING:
     from pushfit.explore.explorer import Explorer
     from pushfit.explore.hands.protocol import Hand
     from pushfit.explore.loop import Step
-    from pushfit.fit.identify.progress import Stages
-
-# The paper's finger goes to 60°; the sine, which everything needs, is near 0 below 5°.
-REACH = (5.0, 85.0)
-COMPONENTS = ("height_normal", "height_tangential")
-
-UnitOption = Annotated[
-    SensorUnit | None,
-    typer.Option(
-        help="Unit of the sensor, where no table says it; left out, that of the "
-        "preload, or else n."
-    ),
-]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
-    """What is asked of an exploration, and the limits that it keeps to."""
-
-    config: options.ConfigFile = None
-    ask: Annotated[
-        Literal["theta_c", "alpha_star", "both"],
-        typer.Option(help="The angle that pushes are to tell of."),
-    ] = "theta_c"
-    width: Annotated[
-        float,
-        typer.Option(metavar="DEG", help="Width that decides: 6 is ± 3 degrees."),
-    ] = 6.0
-    budget: Annotated[int, typer.Option(min=1, help="Pushes that may be made.")] = 60
-    sigma: Annotated[
-        float | None,
-        typer.Option(
-            help="Scatter of the heights of equal pushes [unit of the heights]."
-        ),
-    ] = None
-    theta: Annotated[
-        tuple[float, float],
-        typer.Option(
-            metavar="LOW HIGH", help="Elevations that the finger can push in."
-        ),
-    ] = REACH
-    max_force: Annotated[
-        float | None,
-        typer.Option(
-            "--max-force",
-            help="No push that might exceed it, preload included "
-            "[N, or the unit of uncalibrated heights].",
-        ),
-    ] = None
-    forces: Annotated[
-        bool,
-        typer.Option(
-            "--forces",
-            help="The sensor gives force components, as with [peaks] normal.",
-        ),
-    ] = False
-
-    def has_forces(self, settings: "GraspConfig") -> bool:
-        """Whether heights come as components: by the option, or by the settings."""
-        return self.forces or settings.peaks.normal is not None
-
-    def explorer(
-        self,
-        settings: "GraspConfig",
-        *,
-        channels: tuple[str, ...] | None = None,
-        unit: str,
-        seed: int,
-        journal: Path | None = None,
-        stages: "Stages | None" = None,
-        hand: dict[str, object] | None = None,
-    ) -> "Explorer":
-        """What chooses the pushes.
-
-        Args:
-            channels: Those of a table that was made before.
-            stages: Hears what is done until something is believed.
-            hand: What the journal is to be gone on with.
-        """
-        from pushfit.explore.belief.from_fit import believe
-        from pushfit.explore.explorer import Explorer
-        from pushfit.explore.limits import Limits
-
-        return Explorer(
-            settings,
-            ask=self.ask,
-            width_deg=self.width,
-            budget=self.budget,
-            sigma=self.sigma,
-            limits=Limits.of(settings, theta_deg=self.theta, force=self.max_force),
-            channels=channels
-            or (COMPONENTS if self.has_forces(settings) else ("height",)),
-            unit=unit,
-            journal=journal,
-            seed=seed,
-            source=partial(believe, stages=stages),
-            hand=hand,
-        )
-
-
-def unit_of(*settings: "GraspConfig", stated: SensorUnit | None) -> str:
-    """Unit of a sensor that no table tells of: as stated, or that of a preload."""
-    of_preload = [one.grasp.preload[1] for one in settings]
-    first, *_ = filter(None, (stated, *of_preload, "n"))
-    return first
 
 
 def next(
@@ -170,7 +64,7 @@ def next(
             explorer = asked.explorer(
                 settings,
                 channels=None if made is None else made.channels,
-                unit=unit_of(settings, stated=unit) if made is None else made.unit,
+                unit=sensor_unit(settings, stated=unit) if made is None else made.unit,
                 seed=seed,
                 stages=stages,
             )
@@ -240,7 +134,7 @@ def explore(
         known_of = example_folder() / "grasp.toml"
         session.say(f"the grasp of the example is explored, known by {known_of}")
     settings = read_config(known_of)
-    sensor, simulated = unit_of(settings, stated=unit), None
+    sensor, simulated = sensor_unit(settings, stated=unit), None
     made_by: dict[str, object] = {"kind": hand}
     if hand == "ros":
         from pushfit.explore.hands.ros.hand import RosHand
@@ -258,7 +152,7 @@ def explore(
         settings = joints_stated(settings)
         told = "the grasp of the example, as no --truth is given"
         held = read_config(truth or example_folder() / "truth.toml")
-        sensor = unit_of(settings, held, stated=unit)
+        sensor = sensor_unit(settings, held, stated=unit)
         made_by |= {"noise": noise, "scatter": scatter}
         made_by["truth"] = held.model_dump(mode="json", exclude_none=True)
         normal = settings.peaks.normal or "fz"
