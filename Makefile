@@ -19,7 +19,7 @@ demo: .stamps/run                ## The example grasp, from recordings to theta_
 
 explore-demo: .stamps/run        ## The example grasp explored by a simulated hand to +- 3 degrees
 	$(BIN)/pushfit explore --hand simulated --config examples/foam_box/grasp.toml \
-	  --unit kpa --theta -60 60 --sigma 0.1 --out $(EXPLORED) --force
+	  --sigma 0.1 --out $(EXPLORED) --force
 
 ros:                             ## What the nodes for a real robot need
 	@$(BIN)/python -c "from pushfit.explore.hands.ros.messages import ros; ros(); print('ROS 1 is here')"

@@ -8,14 +8,12 @@ from pathlib import Path
 from pushfit import Explorer, read_config
 from pushfit.config.inputs import PeakSettings
 from pushfit.explore.hands.simulated import joints_stated, simulated_hand
-from pushfit.explore.limits import Limits
 from pushfit.explore.loop import Step, explore
 from pushfit.report.figures import save_figure
 from pushfit.report.figures.exploration import exploration_picture
 
 HERE = Path(__file__).parent
 EXAMPLE = HERE.parents[1] / "examples" / "foam_box"
-THETA_DEG = (-60.0, 60.0)
 # Pushes after which a picture is made, and its name.
 STEPS = {2: "exploration_begin", 5: "exploration_middle"}
 
@@ -25,12 +23,11 @@ def main() -> None:
     explorer = Explorer(
         joints_stated(read_config(EXAMPLE / "grasp.toml")),
         sigma=0.1,
-        limits=Limits(theta_deg=THETA_DEG),
         unit="kpa",
     )
     hand = simulated_hand(
         read_config(EXAMPLE / "truth.toml"),
-        theta_deg=THETA_DEG,
+        theta_deg=explorer.limits.theta_deg,
         unit="kpa",
         noise=0.05,
         scatter=0.01,

@@ -24,7 +24,6 @@ from pathlib import Path
 import pushfit
 from pushfit.config.inputs import PeakSettings
 from pushfit.explore.hands.simulated import joints_stated, simulated_hand
-from pushfit.explore.limits import Limits
 from pushfit.explore.loop import explore
 from pushfit.report.figures.exploration import exploration_picture
 from pushfit.report.text.exploration import next_text
@@ -36,7 +35,8 @@ folder = ROOT / "examples" / "foam_box"
 # ## The question
 #
 # The critical angle θ_c to ± 3°, by heights that scatter by 0.1 kPa, with a finger that
-# goes from −60° to 60°. Its joints miss by up to half a degree, as the settings say.
+# goes from −60° to 60° and joints that miss by up to half a degree, as the settings
+# say.
 
 # %%
 explorer = pushfit.Explorer(
@@ -44,7 +44,6 @@ explorer = pushfit.Explorer(
     ask="theta_c",
     width_deg=6.0,
     sigma=0.1,
-    limits=Limits(theta_deg=(-60.0, 60.0)),
     unit="kpa",
 )
 print(next_text(explorer, explorer.ask(3)))
@@ -58,7 +57,7 @@ print(next_text(explorer, explorer.ask(3)))
 # %%
 hand = simulated_hand(
     pushfit.read_config(folder / "truth.toml"),
-    theta_deg=(-60.0, 60.0),
+    theta_deg=explorer.limits.theta_deg,
     unit="kpa",
     noise=0.05,
     scatter=0.01,

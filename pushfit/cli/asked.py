@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from pushfit.explore.explorer import Explorer
     from pushfit.fit.identify.progress import Stages
 
-# The paper's finger goes to 60°; the sine, which everything needs, is near 0 below 5°.
-REACH = (5.0, 85.0)
 COMPONENTS = ("height_normal", "height_tangential")
 
 UnitOption = Annotated[
@@ -52,11 +50,12 @@ class Asked:
         ),
     ] = None
     theta: Annotated[
-        tuple[float, float],
+        tuple[float, float] | None,
         typer.Option(
-            metavar="LOW HIGH", help="Elevations that the finger can push in."
+            metavar="LOW HIGH",
+            help="Elevations that the finger can push in; left out, those of [reach].",
         ),
-    ] = REACH
+    ] = None
     max_force: Annotated[
         float | None,
         typer.Option(
@@ -72,6 +71,12 @@ class Asked:
             help="The sensor gives force components, as with [peaks] normal.",
         ),
     ] = False
+
+    def reaching(self, settings: "GraspConfig") -> "GraspConfig":
+        """Settings with the elevations of the option, if it is given."""
+        if self.theta is None:
+            return settings
+        return settings.with_keys("reach", theta_deg=self.theta)
 
     def has_forces(self, settings: "GraspConfig") -> bool:
         """Whether heights come as components: by the option, or by the settings."""
@@ -105,7 +110,7 @@ class Asked:
             width_deg=self.width,
             budget=self.budget,
             sigma=self.sigma,
-            limits=Limits.of(settings, theta_deg=self.theta, force=self.max_force),
+            limits=Limits.of(settings, force=self.max_force),
             channels=channels
             or (COMPONENTS if self.has_forces(settings) else ("height",)),
             unit=unit,

@@ -72,8 +72,7 @@ EXAMPLES = {
         "make the first push of the list, add its height to the table, ask again",
     ),
     "explore": (
-        "pushfit explore --hand simulated -c grasp.toml --unit kpa --theta -60 60 "
-        "--sigma 0.1 --out explored",
+        "pushfit explore --hand simulated -c grasp.toml --sigma 0.1 --out explored",
         "open explored/report.html: what was found and how it went",
     ),
     "doctor": ("pushfit doctor", "give what it prints along with a report of a bug"),

@@ -17,6 +17,8 @@ from pushfit.config.explore import ExploreSection
 from pushfit.config.inputs import PeakSettings, RecordingSection
 from pushfit.config.parameters import ParametersSection
 from pushfit.config.section import (
+    ELEVATIONS,
+    Elevations,
     Millimetres,
     NotBelowOne,
     NotNegative,
@@ -135,8 +137,12 @@ PRELOAD_UNITS = get_args(SensorUnit)
 class ReachSection(Section):
     """Which directions the finger can push in."""
 
+    theta_deg: Elevations = setting(
+        "range of elevations in which pushes are suggested", default=ELEVATIONS
+    )
     alpha_deg: tuple[Number, Number] = setting(
-        "range of azimuths in which alpha* is sought", default=(0.0, 180.0)
+        "range of azimuths in which they are, and alpha* is sought",
+        default=(0.0, 180.0),
     )
 
     @model_validator(mode="after")

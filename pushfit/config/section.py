@@ -5,7 +5,7 @@ Excluded: the sections (`pushfit.config.schema`).
 
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 # TOML tells numbers, strings and booleans apart, so "5" and true are no numbers here.
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -17,6 +17,19 @@ Millimetres = Annotated[
 NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
 NotBelowOne = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=1)]
 Probability = Annotated[float, Field(strict=True, gt=0, lt=1)]
+
+
+def _elevations(ends: tuple[float, float]) -> tuple[float, float]:
+    """Refuse a range of elevations that is empty or passes the normal."""
+    low, high = ends
+    if not -90.0 <= low <= high <= 90.0:
+        raise ValueError("give [low, high] with -90 <= low <= high <= 90")
+    return ends
+
+
+Elevations = Annotated[tuple[Number, Number], AfterValidator(_elevations)]
+# The paper's finger goes to 60°; the sine, which everything needs, is near 0 below 5°.
+ELEVATIONS = (5.0, 85.0)
 
 
 class Section(BaseModel):

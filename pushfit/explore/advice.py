@@ -1,8 +1,8 @@
 """The next push, as one sentence of advice in a result.
 
-The push is that of `pushfit next` for the same table, within the elevations pushed so
-far: whichever tells most of an angle that is still open. Excluded: the choice itself
-(`pushfit.explore.decide.next_push`).
+The push is that of `pushfit next` for the same table, within `[reach]` or as far back
+as a push went: whichever tells most of an angle that is still open. Excluded: the
+choice itself (`pushfit.explore.decide.next_push`).
 """
 
 from dataclasses import replace
@@ -46,9 +46,9 @@ def with_next_push(found: Identification) -> Identification:
 def _sentence(found: Identification, angle: str) -> str | None:
     """The best push for one angle in words; None where none is worth making."""
     table, prob = found.table, found.config.report.prob
-    low, high = Limits().theta_deg
+    low, high = found.config.reach.theta_deg
     pushed = float(np.degrees(np.min(table.theta)))
-    limits = Limits(theta_deg=(low if pushed >= 0 else pushed, high))
+    limits = Limits(theta_deg=(min(low, pushed) if pushed < 0 else low, high))
     question = Question(
         config=found.config,
         ask=(angle,),

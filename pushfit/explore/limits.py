@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from pushfit.config import GraspConfig
 from pushfit.config.explore import ExploreSection
 from pushfit.config.file import problems
-from pushfit.config.section import Positive
+from pushfit.config.section import ELEVATIONS, Elevations, Positive
 from pushfit.errors import ConfigError
 
 # Chance, by the present belief, that a push exceeds the force limit or lifts off.
@@ -50,7 +50,7 @@ class Limits(ExploreSection):
         ConfigError: One of them means nothing.
     """
 
-    theta_deg: tuple[float, float] = (5.0, 85.0)
+    theta_deg: Elevations = ELEVATIONS
     alpha_deg: tuple[float, float] | None = None
     force: Positive | None = None
 
@@ -63,13 +63,6 @@ class Limits(ExploreSection):
             raise ConfigError(
                 f"{first.message}; mend it, or leave it out", code="limits"
             ) from error
-        low, high = self.theta_deg
-        if not -90.0 <= low <= high <= 90.0:
-            raise ConfigError(
-                f"limits: theta {low:g}° to {high:g}° is no range within -90° to "
-                "90°; give low <= high",
-                code="limits",
-            )
         first, last = self.alpha_deg or (0.0, 180.0)
         if not first <= last <= first + 360.0:
             raise ConfigError(
@@ -80,13 +73,14 @@ class Limits(ExploreSection):
 
     @classmethod
     def of(cls, config: GraspConfig, **stated: Any) -> "Limits":
-        """Limits as `[explore]` of the settings has them.
+        """Limits as `[explore]` and `[reach]` of the settings have them.
 
         Args:
-            config: Settings whose `[explore]` is taken.
-            stated: Those that are no keys of the file, by name.
+            config: Settings whose sections are taken.
+            stated: Those that the file does not tell, by name, or tells otherwise.
         """
-        return cls(**config.explore.model_dump(), **stated)
+        of_file = {"theta_deg": config.reach.theta_deg} | config.explore.model_dump()
+        return cls(**of_file | stated)
 
     def candidates(
         self, *, azimuths: tuple[float, float] | None, reference_alpha: float

@@ -24,7 +24,7 @@ from pushfit.fit.identify.beside import Beside
 from pushfit.fit.identify.by_mechanics import fitted_by_leading
 from pushfit.fit.identify.fitted import Fitted, Listener, draw_posterior
 from pushfit.fit.identify.progress import Progress, Stages
-from pushfit.fit.problem.noise import with_noise, with_plain_noise
+from pushfit.fit.problem.noise import with_plain_noise
 from pushfit.fit.problem.repeats.effects import both_ways, is_crossed
 from pushfit.fit.problem.setup import Setup, build_problem
 from pushfit.fit.profiles.least_squares import fit_least_squares, settle_noise
@@ -186,7 +186,7 @@ def compare_models(
     sigma = fitted.setup.noise.kind
     sigma = "sampled" if sigma == "pooled" else sigma
     configs = rival_configs(
-        with_noise(fitted.config, sigma=sigma),
+        fitted.config.with_keys("noise", sigma=sigma),
         has_repeats=is_crossed(*both_ways(fitted.table)),
     )
     scores = _scores(fitted, configs, seed, progress)

@@ -38,6 +38,14 @@ def test_the_push_that_would_help_is_that_of_the_explorer(one_sided):
     assert advice[1:] == one_sided.identifiability.advice
 
 
+def test_no_push_beyond_the_reach_is_recommended(one_sided):
+    settings = one_sided.config.with_keys("reach", theta_deg=(5.0, 70.0))
+    kept = with_next_push(replace(one_sided, config=settings)).identifiability.advice
+    assert kept[1:] == one_sided.identifiability.advice
+    named = float(kept[0].removeprefix("One more push at θ = ").split("°")[0])
+    assert LOW_DEG.max() < named <= 70.0
+
+
 def test_a_determined_angle_needs_no_push(one_sided):
     angle = replace(one_sided.theta_c, verdict=Verdict.DETERMINED)
     known = replace(one_sided, theta_c=angle)

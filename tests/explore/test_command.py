@@ -21,6 +21,7 @@ from tests.fit.tables import HARD, TOML
 from tests.tolerances import EXACT
 
 EXPLORE = ("--forces", "--sigma", "0.05", "--budget", "2", "--noise", "0.01")
+EXPLORE += ("--theta", "10", "80")
 
 
 @pytest.fixture
@@ -199,6 +200,20 @@ def test_next_keeps_to_the_box_of_the_file(grasp, capsys):
     np.testing.assert_allclose(theta, np.arange(5.0, 31.0, 5.0), rtol=EXACT)
 
 
+@pytest.mark.parametrize(
+    ("option", "ends"), [("", (-20.0, 40.0)), ("--theta 50 60", (50.0, 60.0))]
+)
+def test_next_keeps_to_the_elevations_of_the_file_or_of_the_option(
+    option, ends, grasp, capsys
+):
+    grasp.write_text(f"{grasp.read_text()}[reach]\ntheta_deg = [-20, 40]\n")
+    words = ["--config", str(grasp), "--sigma", "0.05", "--json", "-n", "20"]
+    assert main(["next", *words, *option.split()]) == 0
+    pushes = json.loads(capsys.readouterr().out)["suggestions"]
+    theta = [push["theta_deg"] for push in pushes]
+    np.testing.assert_allclose((min(theta), max(theta)), ends, rtol=EXACT)
+
+
 @pytest.mark.slow
 def test_explore_ends_with_a_result_folder(tmp_path, grasp, truth, capsys):
     out = tmp_path / "run"
@@ -221,6 +236,7 @@ def test_explore_ends_with_a_result_folder(tmp_path, grasp, truth, capsys):
     )
     events = [json.loads(x) for x in (out / "journal.jsonl").read_text().splitlines()]
     assert [e["event"] for e in events].count("told") == 2
+    assert result.config.reach.theta_deg == (10.0, 80.0)
     # Which its settings say, so that its table is identified as it was.
     again = [str(out / "peaks.csv"), "--config", str(out / "settings.toml")]
     assert main(["fit", *again, "--json"]) == 0

@@ -132,7 +132,7 @@ def test_every_push_is_preceded_by_a_rest_and_followed_by_a_retraction():
 @pytest.mark.parametrize(
     ("wrong", "advice"),
     [
-        ({"theta_deg": (50.0, 10.0)}, "give low <= high"),
+        ({"theta_deg": (50.0, 10.0)}, r"give \[low, high\] with -90 <= low"),
         ({"force": 0.0}, "leave it out"),
         ({"theta_step_deg": 0.0}, "theta_step_deg = 0.0: must be greater than 0; mend"),
         ({"rest_s": -1.0}, "rest_s = -1.0: must be greater than 0; mend it"),
@@ -146,8 +146,8 @@ def test_limits_that_mean_nothing_are_refused(wrong, advice):
 
 
 def test_every_limit_can_be_stated_in_the_file_or_asked_for():
-    asked = {"theta_deg", "force"}  # --theta, --max-force
-    elsewhere = {"alpha_deg"}  # [reach]
+    asked = {"force"}  # --max-force
+    elsewhere = {"theta_deg", "alpha_deg"}  # [reach]
     assert set(Limits.model_fields) == asked | elsewhere | set(
         ExploreSection.model_fields
     )
@@ -155,11 +155,13 @@ def test_every_limit_can_be_stated_in_the_file_or_asked_for():
 
 def test_limits_of_the_file_hold_where_no_others_are_given():
     text = "[push]\nlength_mm = 5.0\n[explore]\nrest_s = 0.7\nmax_pushes = 7\n"
-    text += "workspace_mm = [[-1, 1], [-4, 4], [0, 5]]\n"
+    text += "workspace_mm = [[-1, 1], [-4, 4], [0, 5]]\n[reach]\ntheta_deg = [-9, 60]\n"
     config = parse_config(text, path="grasp.toml")
     found = Explorer(config, source=importance).limits
     box = ((-1.0, 1.0), (-4.0, 4.0), (0.0, 5.0))
-    assert found == Limits(rest_s=0.7, max_pushes=7, workspace_mm=box)
+    assert found == Limits(
+        rest_s=0.7, max_pushes=7, workspace_mm=box, theta_deg=(-9.0, 60.0)
+    )
     assert Explorer(config, source=importance, limits=Limits()).limits == Limits()
 
 

@@ -50,7 +50,7 @@ def next(
 
     if table is not None:
         warn_of_unread(session, asked.config, table)
-    settings = read_config(asked.config)
+    settings = asked.reaching(read_config(asked.config))
     own = [] if table is None else map(posterior_stage, settings.by_mechanics())
     names = [*own, "next push", *["picture"] * (plot is not None)]
     analysis = "; ".join(("next push", *stages_of(settings, "sweep")))
@@ -133,14 +133,14 @@ def explore(
     if hand == "simulated" and truth is None and known_of is None:
         known_of = example_folder() / "grasp.toml"
         session.say(f"the grasp of the example is explored, known by {known_of}")
-    settings = read_config(known_of)
+    settings = asked.reaching(read_config(known_of))
     sensor, simulated = sensor_unit(settings, stated=unit), None
     made_by: dict[str, object] = {"kind": hand}
     if hand == "ros":
         from pushfit.explore.hands.ros.hand import RosHand
 
         finger: Hand = RosHand(
-            has_forces=asked.has_forces(settings), theta_deg=asked.theta
+            has_forces=asked.has_forces(settings), theta_deg=settings.reach.theta_deg
         )
     else:
         from pushfit.explore.hands.simulated import (
@@ -160,7 +160,7 @@ def explore(
         with naming_settings(truth or told):
             finger = simulated = simulated_hand(
                 held,
-                theta_deg=asked.theta,
+                theta_deg=settings.reach.theta_deg,
                 unit=sensor,
                 noise=noise,
                 scatter=scatter,
@@ -261,7 +261,7 @@ def _run(
                 f"to go on with this grasp, copy {out / JOURNAL} to {journal}, and "
                 "give the same command a larger --budget, and --force; or ask "
                 f"`pushfit next {out / 'peaks.csv'} --config {out / SETTINGS}`, "
-                "with the same --ask, --theta and other limits"
+                "with the same --ask and --max-force"
             )
     else:
         session.say(

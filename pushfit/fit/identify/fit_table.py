@@ -21,7 +21,6 @@ from pushfit.fit.checks.violations import (
     violation_warnings,
 )
 from pushfit.fit.identify.fitted import Fitted, fit_as_stated, sweep
-from pushfit.fit.problem.noise import with_noise
 from pushfit.fit.problem.repeats.effects import repeat_effect
 from pushfit.fit.problem.setup import Setup
 from pushfit.fit.profiles.angle_errors import steepness
@@ -65,7 +64,7 @@ def fit_table(
     if config.noise.repeat_effect[0] == "auto":
         kind, p_value = repeat_effect(table)
         is_shown = p_value < REPEAT_LEVEL
-        config = with_noise(config, repeats=kind if is_shown else "alike")
+        config = config.with_keys("noise", repeats=kind if is_shown else "alike")
     if config.noise.likelihood == "auto":
         return _more_evident(table, config, searching)
     return _with_uneven_if_shown(table, config, searching)
@@ -84,7 +83,7 @@ def _with_uneven_if_shown(
     noise = config.noise
     is_open = noise.height_share == "auto"
     if is_open:
-        config = with_noise(config, height_share=0.0)
+        config = config.with_keys("noise", height_share=0.0)
     even = fit_as_stated(table, config, searching)
     # The scatter of repeats holds both already, and stated errors of angles, if they
     # are wrong, look like a share.
@@ -105,9 +104,11 @@ def _with_uneven_if_shown(
         if repeat_gain(problem, steep, direction) > MIN_ANGLE_GAIN:
             angles = share_gain(problem, fit, steep[np.asarray(problem.mask)])
             if angles > max(share, tails):
-                return fit_as_stated(table, with_noise(config, theta_sd_deg="estimate"))
+                return fit_as_stated(
+                    table, config.with_keys("noise", theta_sd_deg="estimate")
+                )
     if share > MIN_SHARE_GAIN and share > tails:
-        return fit_as_stated(table, with_noise(config, height_share="estimate"))
+        return fit_as_stated(table, config.with_keys("noise", height_share="estimate"))
     return even
 
 
@@ -118,11 +119,11 @@ def _more_evident(
 ) -> Fitted:
     """The fit by normal or by Student-t noise, whichever has the higher evidence."""
     normal = _with_uneven_if_shown(
-        table, with_noise(config, likelihood="normal"), searching
+        table, config.with_keys("noise", likelihood="normal"), searching
     )
     chosen = normal.config.noise
-    config = with_noise(
-        config, height_share=chosen.height_share, theta_sd_deg=chosen.theta_sd_deg
+    config = config.with_keys(
+        "noise", height_share=chosen.height_share, theta_sd_deg=chosen.theta_sd_deg
     )
     kind = normal.setup.noise.kind
     gain = tail_gain(normal.setup.problem, normal.fit, kind)
@@ -131,9 +132,9 @@ def _more_evident(
     rival = normal
     if kind == "pooled":
         # The scatter of few repeats tells the sd of heavy tails badly.
-        config = with_noise(config, sigma="sampled")
-        rival = fit_as_stated(table, with_noise(config, likelihood="normal"))
-    student = fit_as_stated(table, with_noise(config, likelihood="student_t"))
+        config = config.with_keys("noise", sigma="sampled")
+        rival = fit_as_stated(table, config.with_keys("noise", likelihood="normal"))
+    student = fit_as_stated(table, config.with_keys("noise", likelihood="student_t"))
     swept = [sweep(fitted, CHOOSING_SEED) for fitted in (rival, student)]
     gain = log_bayes_factor(*swept)
     if not gain > 0:

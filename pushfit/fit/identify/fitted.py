@@ -26,7 +26,6 @@ from pushfit.fit.checks.violations import (
     violations,
 )
 from pushfit.fit.identify.progress import Progress
-from pushfit.fit.problem.noise import with_noise
 from pushfit.fit.problem.repeats.averaging import averaged, averaging_warning
 from pushfit.fit.problem.repeats.effects import (
     repeat_warning,
@@ -118,11 +117,13 @@ def fit_as_stated(
             # An average is of all repeats.
             before, table = table, without_repeat_effects(table, kind)
             warnings = (*warnings, repeat_warning(before, table, kind))
-            config = with_noise(config, repeats="alike")
+            config = config.with_keys("noise", repeats="alike")
         before, table = table, averaged(table, stated)
         if table is not before:
             warnings = (*warnings, averaging_warning(before, table))
-            config = with_noise(config, sigma="given" if stated == "pooled" else stated)
+            config = config.with_keys(
+                "noise", sigma="given" if stated == "pooled" else stated
+            )
     reference_alpha = reference_azimuth(table, config)
     setup = searched(build_problem(table, config), reference_alpha)
     if searching is not None:
@@ -137,7 +138,7 @@ def fit_as_stated(
     if excess is not None and not setup.noise.warnings:
         warnings = (*warnings, excess)
     if excess is not None and setup.noise.kind == "given":
-        config = with_noise(config, sigma="sampled")
+        config = config.with_keys("noise", sigma="sampled")
         setup, fit = _fit(build_problem(table, config), reference_alpha)
     sigma = setup.noise.kind
     if config.noise.angle_errors == "shared" and sigma == "given":
@@ -145,7 +146,7 @@ def fit_as_stated(
         sigma = stated
     return Fitted(
         table=table,
-        config=with_noise(config, sigma=sigma),
+        config=config.with_keys("noise", sigma=sigma),
         setup=setup,
         fit=fit,
         reference_alpha=reference_alpha,
@@ -160,7 +161,7 @@ def prepared(
     warnings = tuple(table_warnings(table, config))
     if not config.push.length_known and config.noise.sigma == "auto":
         # Unequal pushes scatter by more than any sensor noise.
-        config = with_noise(config, sigma="sampled")
+        config = config.with_keys("noise", sigma="sampled")
     return config, warnings
 
 

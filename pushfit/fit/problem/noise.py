@@ -8,7 +8,6 @@ Excluded: noise that only a fit tells (`pushfit.fit.profiles.weights`).
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 import scipy
@@ -78,17 +77,11 @@ class Noise:
         return any(self.angle_sd) or self.height_share != 0
 
 
-def with_noise(config: GraspConfig, **keys: Any) -> GraspConfig:
-    """The configuration with other keys of `[noise]`."""
-    noise = config.noise.model_copy(update=keys)
-    return config.model_copy(update={"noise": noise})
-
-
 def with_plain_noise(config: GraspConfig) -> GraspConfig:
     """The configuration with the simplest noise where it leaves the kind open."""
     noise = config.noise
     plain = {name: v for name, v in PLAIN.items() if getattr(noise, name) == "auto"}
-    return with_noise(config, **plain)
+    return config.with_keys("noise", **plain)
 
 
 def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
