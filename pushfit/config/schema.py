@@ -31,7 +31,7 @@ from pushfit.config.section import (
 from pushfit.config.sensor import SensorSection
 from pushfit.errors import ConfigError
 from pushfit.mechanics.registry import BUILT_IN, COMPARED, mechanics_named
-from pushfit.parameters import SensorUnit
+from pushfit.parameters import HALF_TURN, SensorUnit
 
 Estimate = Literal["estimate"]
 Preload = NotNegative | Estimate | None
@@ -155,6 +155,12 @@ class ReachSection(Section):
                 "low < high <= low + 360"
             )
         return self
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether it has every axis, pushing one way or the other: α* has no ends."""
+        low, high = self.alpha_deg
+        return high - low >= HALF_TURN
 
 
 class TransitionSection(Section):

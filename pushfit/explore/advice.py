@@ -64,9 +64,11 @@ def _sentence(found: Identification, angle: str) -> str | None:
     if survey.length_share < 1 or not np.any(survey.gains > WORTHWHILE):
         return None
     best = int(survey.ranks[0])
-    reach = found.config.reach.alpha_deg
-    target = AskedAngle.of(
-        angle, belief.samples[angle], reach=reach, width=np.inf, prob=prob
+    target = AskedAngle(
+        values=belief.samples[angle],
+        is_axis=angle == "alpha_star" and found.config.reach.is_whole,
+        width=np.inf,
+        prob=prob,
     )
     heights = survey.predicted.heights[best]
     width = outlook(

@@ -228,19 +228,17 @@ def _coverages(
     name: str, pairs: list[tuple[Identification, float]], *, prob: float
 ) -> list[Coverage]:
     """Coverage of a quantity's intervals, and of its sets as quoted if an angle."""
-    is_axis = name == "alpha_star"
     held = {}
     for usual in PROBS:
         held["interval", usual] = [
-            _holds(
-                (equal_tailed_interval(draws, usual, is_axis=is_axis),), truth, is_axis
-            )
+            _holds((equal_tailed_interval(draws, usual, is_axis=is_axis),), truth)
             for result, truth in pairs
             for draws in [result.posterior.samples[name]]
+            for is_axis in [name == "alpha_star" and result.config.reach.is_whole]
         ]
     if name in ANGLES:
         held["set", prob] = [
-            _holds(pieces, truth, is_axis)
+            _holds(pieces, truth)
             for result, truth in pairs
             if (pieces := getattr(result, name).sets)
         ]
@@ -252,14 +250,14 @@ def _coverages(
     ]
 
 
-def _holds(pieces: tuple[Piece, ...], truth: float, is_axis: bool) -> bool:
-    """Whether a set holds a value; an open end holds everything beyond."""
+def _holds(pieces: tuple[Piece, ...], truth: float) -> bool:
+    """Whether a set holds a value; an open end holds everything beyond.
+
+    That of an axis may go on beyond 180°, where it starts again.
+    """
     for low, high in pieces:
         start = -np.inf if low is None else low
         end = np.inf if high is None else high
-        value = truth
-        if is_axis and np.isfinite(start):
-            value = start + (truth - start) % HALF_TURN
-        if start <= value <= end:
+        if start <= truth <= end or start <= truth + HALF_TURN <= end < np.inf:
             return True
     return False

@@ -24,6 +24,8 @@ from pushfit.mechanics.numerics import norm2
 # Azimuths over the reach: at most half a degree apart, so that the parabola through the
 # lowest three finds a smooth minimum to about 0.01 degrees.
 N_AZIMUTHS = 361
+# Of the ends of a reach [rad].
+ROUNDING = 1e-9
 
 
 def critical_angle(
@@ -85,7 +87,8 @@ def best_direction(
         reach: Lowest and highest azimuth of the finger [rad].
 
     Returns:
-        α* in [0, π): a push and its opposite are alike [rad].
+        α* within the reach; of all azimuths, in [0, π): a push and its opposite are
+        alike [rad].
 
     Examples:
         >>> springs = {"K_sn": 600, "K_dn": 300, "K_st": 400}
@@ -102,11 +105,19 @@ def best_direction(
         return _least_resistance(params, grasp, theta, reach=reach)
     low, high = reach
     axis = soft_axis(params)
+    if is_whole(reach):
+        return axis
     ends = jnp.asarray(reach)
     stiffness = norm2(*tangential_stiffness(contact(params), unit_vector(ends)))
     softer_end = ends[jnp.argmin(stiffness)]
-    is_reached = jnp.mod(axis - low, jnp.pi) <= high - low
-    return _half_turn(jnp.where(is_reached, axis, softer_end))
+    axis = low + _half_turn(axis - low)
+    return jnp.where(axis <= high, axis, softer_end)
+
+
+def is_whole(reach: tuple[float, float]) -> bool:
+    """Whether a finger reaches every axis, pushing one way or the other [rad]."""
+    low, high = reach
+    return bool(high - low >= math.pi - ROUNDING)
 
 
 def _least_resistance(
@@ -136,9 +147,9 @@ def _least_resistance(
     is_vertex = (left >= middle) & (right >= middle) & (curvature > 0)
     shift = (left - right) / (2 * jnp.where(is_vertex, curvature, 1.0))
     refined = best + step * jnp.where(is_vertex, shift, 0.0)
-    if width < math.pi:
-        refined = jnp.clip(refined, low, high)
-    return _half_turn(refined)
+    if is_whole(reach):
+        return _half_turn(refined)
+    return jnp.clip(refined, low, high)
 
 
 def _half_turn(angle: Scalar) -> Scalar:

@@ -78,16 +78,17 @@ def theta_c_answer(identification: Identification) -> AnswerText:
 def alpha_star_answer(identification: Identification) -> AnswerText:
     """What may be said of the best push direction."""
     quantity = identification.alpha_star
-    subject = "The best push direction α*"
+    subject, reach = "The best push direction α*", identification.config.reach
+    first = 0.0 if reach.is_whole else reach.alpha_deg[0]
     if not is_trusted(identification):
         answer = _unquoted("alpha_star", subject, identification)
         free = identification.alpha_star_model_free
-        return _with_remarks(answer, [_model_free_remark(quantity, free)])
+        return _with_remarks(answer, [_model_free_remark(quantity, free, first=first)])
     answer = _angle_answer(identification, quantity, subject)
-    remarks = [_reach_remark(answer, identification.config.reach.alpha_deg)]
+    remarks = [_reach_remark(answer, reach.alpha_deg)]
     if quantity.estimate is not None:
         free = identification.alpha_star_model_free
-        remarks.append(_model_free_remark(quantity, free))
+        remarks.append(_model_free_remark(quantity, free, first=first))
     return _with_caution(_with_remarks(answer, remarks), identification)
 
 
@@ -207,7 +208,7 @@ def _typical(piece: Piece, draws: Float[np.ndarray, " n"]) -> float:
     low = -np.inf if piece[0] is None else piece[0]
     high = np.inf if piece[1] is None else piece[1]
     # A piece across the seam of an axis holds draws from just above 0 as well.
-    is_across = HALF_TURN < high < np.inf
+    is_across = np.max(draws, initial=0.0) < HALF_TURN < high < np.inf
     turned = np.where(is_across & (draws < low), draws + HALF_TURN, draws)
     inside = turned[(turned >= low) & (turned <= high)]
     ends = [end for end in piece if end is not None]
@@ -231,18 +232,24 @@ def _reach_remark(answer: AnswerText, reach: tuple[float, float]) -> str:
     return "It is the end of the reach; resistance may fall further beyond."
 
 
-def _model_free_remark(quantity: Quantity, free: Quantity | None) -> str:
-    """What a cosine through the heights alone gives, and whether that is the same."""
+def _model_free_remark(
+    quantity: Quantity, free: Quantity | None, *, first: float
+) -> str:
+    """What a cosine through the heights alone gives, and whether that is the same.
+
+    Args:
+        first: Azimuth that axes are counted from [deg].
+    """
     if free is None or free.estimate is None:
         return ""
     is_bare = quantity.estimate is not None and quantity.interval is None
     if free.interval is None or is_bare:
-        number = format_angle(free.estimate % HALF_TURN)
+        number = format_angle(first + (free.estimate - first) % HALF_TURN)
         return f"A cosine through the heights alone gives {number}."
     low, high = free.interval
     spread = high - low
-    number = format_angle(free.estimate % HALF_TURN, spread=spread)
-    start = low % HALF_TURN
+    number = format_angle(first + (free.estimate - first) % HALF_TURN, spread=spread)
+    start = first + (low - first) % HALF_TURN
     number += f" ({format_range(start, start + spread, 'deg')})"
     if quantity.estimate is None or quantity.interval is None:
         return f"A cosine through the heights alone gives {number}."

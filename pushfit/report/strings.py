@@ -19,6 +19,8 @@ NO_UNIT = frozenset({"", "-", "–", "1"})
 
 # The largest uncertainty that still shows whole degrees (two digits of it).
 COARSE_DEG = 99.0
+# And never finer than a hundredth of one.
+FINE_DEG = 0.1
 
 # Below this share of a run what is left would be a guess.
 FORESEEABLE = 0.15
@@ -105,9 +107,10 @@ def format_angle(value: float, *, spread: float = 10.0) -> str:
 
     Args:
         value: The angle [deg].
-        spread: Its uncertainty [deg]; never coarser than whole degrees.
+        spread: Its uncertainty [deg]; from whole degrees to hundredths.
     """
-    return f"{format_number(value, spread=min(spread, COARSE_DEG))}°"
+    spread = min(max(spread, FINE_DEG), COARSE_DEG)
+    return f"{format_number(value, spread=spread)}°"
 
 
 def spread_of(estimate: float, interval: tuple[float, float]) -> float:
@@ -157,16 +160,12 @@ def format_range(
         return f"{'above' if upper is None else 'below'} {bound}"
     spread = upper - lower if spread is None else spread
     if is_angle:
-        return f"{format_angle(lower, spread=spread)} to {_format_end(upper, spread)}"
+        start = format_angle(lower, spread=spread)
+        if lower < HALF_TURN < upper:  # an axis starts again
+            start, upper = f"{start} to 180° and on", upper - HALF_TURN
+        return f"{start} to {format_angle(upper, spread=spread)}"
     low, high = (format_number(end, spread=spread) for end in (lower, upper))
     return with_unit(f"{low} to {high}", unit)
-
-
-def _format_end(upper: float, spread: float) -> str:
-    """Upper end of a range of angles; beyond a half turn an axis starts again."""
-    if upper <= HALF_TURN:
-        return format_angle(upper, spread=spread)
-    return f"180° and on to {format_angle(upper - HALF_TURN, spread=spread)}"
 
 
 def time_left(share: float, seconds: float) -> str:

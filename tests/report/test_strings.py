@@ -76,6 +76,8 @@ def test_a_spread_that_is_none_decides_no_digits(spread):
         (500.0, 1300.0, "N/m", "500 to 1300 N/m"),
         (500.0, None, "kpa/m", "above 500 kPa/m"),
         (171.0, 189.0, "deg", "171° to 180° and on to 9°"),
+        (201.0, 239.0, "deg", "201° to 239°"),
+        (59.9999998, 60.0, "deg", "60.00° to 60.00°"),
     ],
 )
 def test_a_set_reads_as_words(lower, upper, unit, text):

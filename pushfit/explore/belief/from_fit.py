@@ -203,7 +203,10 @@ def _told_by_draws(
     table, posterior, prob = drawn.table, drawn.posterior, drawn.settings.report.prob
     yield from convergence_warnings(posterior)
     if "alpha_star" in posterior.samples:
-        quantity = angle_quantity("alpha_star", posterior, None, prob=prob)
+        is_axis = drawn.settings.reach.is_whole
+        quantity = angle_quantity(
+            "alpha_star", posterior, None, prob=prob, is_axis=is_axis
+        )
         free = model_free_direction(table, prob=prob, seed=seed)
         yield from direction_disagreement(quantity, free)
     checks = predictive_checks(table, drawn.setup, posterior, seed=seed)

@@ -12,9 +12,6 @@ from jaxtyping import Float, Int
 
 from pushfit.parameters import HALF_TURN, TINY
 
-# Rounding of an azimuth at the end of the reach [deg]. Not tuned.
-ROUNDING = 1e-6
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AskedAngle:
@@ -22,7 +19,7 @@ class AskedAngle:
 
     Args:
         values: Its draws; NaN where undefined [deg].
-        is_axis: Whether it is an azimuth of period 180°.
+        is_axis: Whether it is an azimuth of period 180°, all of which are reached.
         width: Width asked for [deg].
         prob: Probability that an interval must have.
     """
@@ -31,32 +28,6 @@ class AskedAngle:
     is_axis: bool
     width: float
     prob: float
-
-    @classmethod
-    def of(
-        cls,
-        name: str,
-        values: Float[np.ndarray, " n"],
-        *,
-        reach: tuple[float, float],
-        width: float,
-        prob: float,
-    ) -> "AskedAngle":
-        """The angle of that name, α* within the reach.
-
-        Where the finger reaches all azimuths of an axis it has no ends; else the best
-        direction lies between those of the reach, and so does every interval.
-
-        Args:
-            name: "theta_c" or "alpha_star".
-            reach: Lowest and highest azimuth of the finger [deg].
-        """
-        low, high = reach
-        is_axis = name == "alpha_star" and high - low >= HALF_TURN
-        if name == "alpha_star" and not is_axis:
-            past = np.mod(values - low + ROUNDING, HALF_TURN) - ROUNDING
-            values = low + np.clip(past, 0.0, high - low)
-        return cls(values=values, is_axis=is_axis, width=width, prob=prob)
 
 
 def shortest_interval(

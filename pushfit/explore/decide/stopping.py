@@ -96,10 +96,9 @@ class Judge:
         """
         nothing = np.full(belief.log_weights.size, np.nan)
         return {
-            angle: AskedAngle.of(
-                angle,
-                nothing if belief.lacks(angle) else belief.samples[angle],
-                reach=question.config.reach.alpha_deg,
+            angle: AskedAngle(
+                values=nothing if belief.lacks(angle) else belief.samples[angle],
+                is_axis=angle == "alpha_star" and question.config.reach.is_whole,
                 width=self.width,
                 prob=self.prob,
             )

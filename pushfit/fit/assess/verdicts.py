@@ -60,6 +60,7 @@ def angle_quantity(
     profile: LikelihoodProfile | None,
     *,
     prob: float,
+    is_axis: bool = False,
     by_draws: bool = False,
 ) -> Quantity:
     """θ_c or α*, as far as the data determine it.
@@ -67,6 +68,7 @@ def angle_quantity(
     Args:
         name: "theta_c" or "alpha_star".
         profile: Likelihood profile; None where the question was not asked.
+        is_axis: Whether it is an azimuth of period 180°, all of which are reached.
         by_draws: Whether there is no profile to be had, as of the best direction on two
             supports: then the draws alone tell.
 
@@ -76,7 +78,6 @@ def angle_quantity(
         profile: a few pushes can be fitted perfectly by a model that knows nothing.
         ABSENT where the draws without such an angle are `prob` of them or more.
     """
-    is_axis = name == "alpha_star"
     verdict = Verdict.NOT_DETERMINED if profile is None else profile.verdict
     likelihood_sets = () if profile is None else profile.pieces
     draws = posterior.samples.get(name)

@@ -166,6 +166,7 @@ def _conclude(
             posterior,
             profiles.get("alpha_star"),
             prob=prob,
+            is_axis=fitted.config.reach.is_whole,
             by_draws="f1" in problem.data_names
             and "alpha_star" not in imposable(problem),
         ),

@@ -29,6 +29,7 @@ from pushfit.fit.profiles.profile_sets import (
 )
 from pushfit.fit.results import FitResult, LikelihoodProfile
 from pushfit.fit.results.fits_along import Curve
+from pushfit.mechanics.directions import is_whole
 from pushfit.parameters import unit_of
 
 # The ellipse is reported by its axis; the others are held by what is known beforehand.
@@ -192,11 +193,12 @@ def _axis_profile(
     """Profile of α* from that of the soft axis: unreachable axes count at the ends."""
     low, high = np.degrees(reach[0]), np.degrees(reach[1])
     axis = np.degrees(values)
-    if high - low >= 180.0:
+    has_ends = not is_whole(reach)
+    if not has_ends:
         # Cut the circle where the data like it least.
         low, high = float(axis[np.argmax(delta)] % 180.0), np.inf
     angle = low + np.mod(axis - low, 180.0)
-    if not np.isinf(high):
+    if has_ends:
         # What is beyond an end counts at it: the profile jumps there, so the axis that
         # just reaches the end needs a value of its own.
         order = np.argsort(angle)
@@ -216,9 +218,11 @@ def _axis_profile(
             (angle[0] if a is None else a, angle[-1] if b is None else b)
             for a, b in pieces
         )
+        # An axis starts in [0, 180).
+        turns = [0.0 if has_ends else a - np.mod(a, 180.0) for a, _ in pieces]
         pieces = tuple(
-            (float(np.mod(a, 180.0)), float(b - a + np.mod(a, 180.0)))
-            for a, b in pieces
+            (float(a - turn), float(b - turn))
+            for (a, b), turn in zip(pieces, turns, strict=True)
         )
     return LikelihoodProfile(
         name="alpha_star",

@@ -118,14 +118,15 @@ def _richest(sweeps: list[Sweep], fixed_deg: float | None) -> list[Sweep]:
 
 def marker_of(answer: AnswerText, identification: Identification) -> Marker:
     """What figures mark of an answer."""
-    pieces, fixed_deg = answer.pieces, None
+    estimates, pieces, fixed_deg = answer.values, answer.pieces, None
     if answer.name == "theta_c":
         fixed_deg = identification.reference_alpha_deg
     if answer.name == "alpha_star":
+        estimates = tuple(angle % HALF_TURN for angle in estimates)
         pieces = within_half_turn(pieces)
     return Marker(
         name=answer.name,
-        estimates=answer.values,
+        estimates=estimates,
         pieces=pieces,
         text=answer.short,
         fixed_deg=fixed_deg,

@@ -203,7 +203,9 @@ def _cell(entry: Entry, axis: Axis) -> dict[str, object]:
     value = ""
     if entry.estimate is not None:
         # On the axis of an interval across the seam it may lie beyond a half turn.
-        is_beyond = entry.unit == "deg" and entry.estimate > HALF_TURN
+        starts = [low for low, _ in entry.pieces if low is not None]
+        is_beyond = min(starts, default=HALF_TURN) < HALF_TURN < entry.estimate
+        is_beyond &= entry.unit == "deg"
         shown = entry.estimate - HALF_TURN * is_beyond
         value = with_unit(format_number(shown, spread=spread), entry.unit)
     bars = []

@@ -138,10 +138,31 @@ def test_draws_alone_tell_of_a_direction_without_a_profile(
         samples={"alpha_star": draws},
         prior_samples={"alpha_star": anything},
     )
-    found = angle_quantity("alpha_star", posterior, None, prob=0.9, by_draws=True)
+    found = angle_quantity(
+        "alpha_star", posterior, None, prob=0.9, is_axis=True, by_draws=True
+    )
     assert found.verdict is verdict
     unasked = angle_quantity("alpha_star", posterior, None, prob=0.9)
     assert unasked.verdict is Verdict.NOT_DETERMINED
+
+
+@pytest.mark.parametrize("reach", [(0.0, 150.0), (-30.0, 60.0), (200.0, 260.0)])
+def test_the_best_direction_lies_within_the_reach(determined, reach):
+    """Draws at both ends of it: as of an axis, the interval would be what is between
+    them beyond the reach."""
+    low, high = reach
+    posterior, rng = determined.posterior, np.random.default_rng(0)
+    n = posterior.log_prob.size
+    ends = rng.choice([low, high - 2], n) + 2 * rng.random(n)
+    anything = rng.uniform(low, high, posterior.prior_samples["theta_c"].size)
+    posterior = replace(
+        posterior, samples={"alpha_star": ends}, prior_samples={"alpha_star": anything}
+    )
+    found = angle_quantity("alpha_star", posterior, None, prob=0.9, by_draws=True)
+    # A twentieth beyond either end of it: a tenth of those at that end.
+    assert found.interval == pytest.approx((low + 0.2, high - 0.2), abs=0.1)
+    assert found.sets[0][0] == pytest.approx(low, abs=0.5)
+    assert found.sets[-1][1] == pytest.approx(high, abs=0.5)
 
 
 def test_a_result_is_made_as_it_is_reported(determined, one_sided):

@@ -254,14 +254,19 @@ def test_soft_axis_of_noise_free_heights_is_found():
     assert high - low < 2
 
 
-def test_unreachable_soft_axis_counts_at_the_end_of_the_reach():
-    """The soft axis is at 120°; a finger that ends at 90° does best there."""
+@pytest.mark.parametrize("turn", [0.0, -180.0])
+def test_unreachable_soft_axis_counts_at_the_end_of_the_reach(turn):
+    """The soft axis is at 120°; a finger that ends at 90° does best there.
+
+    So does one that pushes the other way, where it ends.
+    """
     words = {"theta_deg": np.array([15.0, 30.0, 60.0, 80.0]), "repeats": 1}
     table = case_table(CASES["ellipse"], noise=1e-3, **words)
-    reach = (np.radians(40), np.radians(90))
+    reach = tuple(np.radians([40.0 + turn, 90.0 + turn]))
     profiles = profiles_of(setup_of(table), alpha=np.radians(30), reach=reach)
+    end = 90.0 + turn
     np.testing.assert_allclose(
-        profiles["alpha_star"].pieces, ((90.0, 90.0),), rtol=0, atol=JUMP
+        profiles["alpha_star"].pieces, ((end, end),), rtol=0, atol=JUMP
     )
 
 
