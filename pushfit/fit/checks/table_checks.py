@@ -10,7 +10,7 @@ import scipy
 from jaxtyping import Bool, Float, Int
 
 from pushfit.config import GraspConfig
-from pushfit.config.schema import GraspSection, PushSection
+from pushfit.config.schema import Estimate, GraspSection, PushSection
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import counted
 from pushfit.fit.checks.model_checking import LEVEL, MIN_TESTED, label
@@ -21,6 +21,7 @@ WRONG = {
     **dict.fromkeys(("equal_heights", "other_unit"), "the table"),
     "inverted_heights": "the sign of the heights",
     "preload_contradicted": "the preload that is stated, or taken,",
+    "counted_twice": "the noise of a height that follows from its components",
 }
 # What a table cannot say of its pushes, though a column may be called so.
 SETTINGS = {"grasp": GraspSection, "push": PushSection}
@@ -45,6 +46,10 @@ SLIP, NEARLY, APART, FEW_HEIGHTS = 3.0, 1.0, 1.5, 3
 # Elevations within this are one: a robot that sweeps azimuths misses its own by less.
 # Not tuned [deg].
 SAME_ELEVATION = 1.0
+# What a magnitude differs from that of its components, of its noise, if it was computed
+# from them; a sensor of its own has noise of its own. And the least noise of a sensor,
+# where nothing tells of it, as a share of the heights.
+COMPUTED, LEAST_NOISE = 0.2, 1e-3
 # Nearer to the surface or its normal a height may be small by itself [deg].
 EDGE = 4.0
 
@@ -52,6 +57,7 @@ EDGE = 4.0
 def table_warnings(table: PeakTable, config: GraspConfig) -> Iterator[ResultWarning]:
     """What the table and the configuration already say."""
     yield from settings_warnings(config, table.unit)
+    yield from _counted_twice(table, config.preload_in(table.unit))
     may_tip = _may_tip(table, config)
     for warning in faults_of(table):
         if not (may_tip and warning.code == "inverted_heights"):
@@ -68,6 +74,39 @@ def _may_tip(table: PeakTable, config: GraspConfig) -> bool:
         return False
     heights = [table.heights(c)[table.is_used] for c in table.channels]
     return bool(np.all(np.stack(heights) > -preload))
+
+
+def _counted_twice(
+    table: PeakTable, preload: float | Estimate
+) -> Iterator[ResultWarning]:
+    """Whether the magnitude was computed from the components beside it.
+
+        height = sqrt((height_normal + F_0)² + height_tangential²) - F_0
+
+    Whatever constant is subtracted, F_0 or a reading at rest.
+    """
+    components = ("height_normal", "height_tangential")
+    rows = table.is_used
+    if {"height", *components} - set(table.channels) or preload == "estimate":
+        return
+    height, normal, tangential = (
+        table.heights(name)[rows] for name in ("height", *components)
+    )
+    if height.size < FEW_HEIGHTS:
+        return
+    off = height - np.hypot(normal + preload, tangential)
+    sd = table.sd("height")
+    noise = table.pooled_sd("height")[0] if sd is None else np.median(sd[rows])
+    if np.isnan(noise):
+        noise = LEAST_NOISE * np.sqrt(np.mean(height**2))
+    if np.std(off) < COMPUTED * noise:
+        columns = [f"{name}_{table.unit}" for name in ("height", *components)]
+        yield ResultWarning(
+            code="counted_twice",
+            text=f"{columns[0]} is the magnitude of {columns[1]} and {columns[2]} to "
+            f"{np.std(off):.1g}, which has no noise of its own: fitted beside them it "
+            f"counts twice; remove the column {columns[0]}",
+        )
 
 
 def settings_warnings(config: GraspConfig, unit: str) -> Iterator[ResultWarning]:

@@ -61,6 +61,34 @@ def test_a_column_that_says_what_settings_say_is_not_silently_ignored(column, ke
     assert all(f"{column} is not used: {key} in" in text for text in texts)
 
 
+@pytest.mark.parametrize(
+    ("computed", "own_noise", "said"),
+    [(True, 0.0, True), (True, 0.03, False), (False, 0.0, False)],
+)
+@pytest.mark.parametrize("repeats", [1, 3])
+def test_a_magnitude_of_the_components_beside_it_is_not_a_third_sensor(
+    computed, own_noise, said, repeats
+):
+    """|F| - F_0 of noisy components, with a preload; else a sensor of its own."""
+    channels = ("height", "height_normal", "height_tangential")
+    words = {"noise": 0.03, "repeats": repeats, "channels": channels}
+    table = case_table(CASES["preload"], **words)
+    preload = float(CASES["preload"].grasp.preload)
+    heights = {name: table.heights(name) for name in channels}
+    if computed:
+        rng = np.random.default_rng(1)
+        force = np.hypot(
+            heights["height_normal"] + preload, heights["height_tangential"]
+        )
+        heights["height"] = (force - preload).round(4)
+        heights["height"] += own_noise * rng.standard_normal(force.size)
+    table = PeakTable.from_arrays(
+        theta=table.theta, alpha=table.alpha, heights=heights, unit="n"
+    )
+    settings = config(f"[grasp]\npreload_n = {preload}\n")
+    assert ("counted_twice" in codes(table, settings)) is said
+
+
 def signed(theta_deg, heights, channel="height"):
     """A table of one azimuth."""
     return PeakTable.from_arrays(
