@@ -17,6 +17,7 @@ from pushfit.fit.identify.result_row import LOG_PRIOR, Cell
 from pushfit.fit.population.item_likelihoods import ItemDraws
 from pushfit.fit.population.pooling import Population, pool
 from pushfit.fit.results import ResultWarning, Verdict
+from pushfit.parameters import HALF_TURN
 
 COLUMNS = (
     "quantity",
@@ -36,6 +37,8 @@ COLUMNS = (
     "warnings",
 )
 
+# Azimuths within this are one: a robot that is sent to it misses by less [deg].
+SAME_AZIMUTH = 5.0
 # What is said of a population, by its code.
 WARNINGS = {
     "grid_edge": "the means and spreads that were tried hold too little of what is "
@@ -43,6 +46,10 @@ WARNINGS = {
     "open_transition": "items leave the sharpness p of the transition open, and its "
     "prior moves θ_c, B and C_rr of all of them the same way, which no number of items "
     "averages out: where one transition holds for all, state transition.sharpness",
+    "several_azimuths": "θ_c of the items belongs to azimuths that are more than "
+    f"{SAME_AZIMUTH:g}° apart, and differs between them wherever the support is not "
+    "alike all round: state grasp.reference_alpha_deg, or pool those of one azimuth in "
+    "a batch of their own",
 }
 
 
@@ -98,6 +105,7 @@ def _rows(
     n_all: dict[str, int] = {}
     provisional: dict[str, list[str]] = {}
     open_transition: set[str] = set()
+    azimuths: list[float] = []
     for item in items:
         finished = find(item.key)
         if finished is None:
@@ -116,11 +124,14 @@ def _rows(
             groups.setdefault(unit, []).append(one)
             if finished.values.get("p_verdict") not in (None, Verdict.FIXED.value):
                 open_transition.add(unit)
+            if pooled.quantity == "theta_c":
+                azimuths.append(float(finished.values["reference_alpha_deg"] or 0.0))
     rows = []
     for unit, group in sorted(groups.items()):
         found = pool(group, scale=pooled.scale)
         if found is not None:
-            shown = (found.is_edge_reached, unit in open_transition)
+            is_open, is_mixed = unit in open_transition, are_apart(azimuths)
+            shown = (found.is_edge_reached, is_open, is_mixed)
             row = _row(
                 pooled.quantity,
                 unit,
@@ -141,6 +152,13 @@ def population_warnings(rows: Iterable[Row]) -> tuple[ResultWarning, ...]:
         for code, text in WARNINGS.items()
         if code in said
     )
+
+
+def are_apart(azimuths: Sequence[float]) -> bool:
+    """Whether azimuths, as axes of pushes, are not all the same [deg]."""
+    turned = [azimuth - azimuths[0] for azimuth in azimuths]
+    past = [(turn + HALF_TURN / 2) % HALF_TURN - HALF_TURN / 2 for turn in turned]
+    return bool(past) and max(past) - min(past) > SAME_AZIMUTH
 
 
 def is_provisional(row: Row) -> bool:

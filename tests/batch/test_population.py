@@ -19,7 +19,9 @@ Z = stats.norm.ppf((np.arange(400) + 0.5) / 400)
 UNITS = {"d": "hPa/m"}
 
 
-def identify(tables, config, *, seeds, engine, far="theta_c_not_determined"):
+def identify(
+    tables, config, *, seeds, engine, far="theta_c_not_determined", azimuth=178.0
+):
     """Items alike but for one, with its warnings; d has another unit."""
     found = []
     for table in tables:
@@ -32,6 +34,7 @@ def identify(tables, config, *, seeds, engine, far="theta_c_not_determined"):
         draws |= {f"log_prior_{column}": np.zeros(400) for column in draws}
         unit = UNITS.get(name, "N/m")
         values = {"status": "ok", "theta_c_deg": 30.0, "A_unit": unit}
+        values["reference_alpha_deg"] = azimuth if name == "a" else 178.0
         if name == "far":
             values["warnings"] = far
         found.append(ItemResult(values=values, draws=draws))
@@ -84,6 +87,15 @@ def test_a_sharpness_that_items_leave_open_is_said_of_what_it_moves(runs, tmp_pa
         "Mind: items leave the sharpness p" in (tmp_path / "open" / REPORT).read_text()
     )
     assert "Mind" not in (tmp_path / "out" / REPORT).read_text()
+
+
+@pytest.mark.parametrize(("azimuth", "said"), [(1.0, ""), (88.0, "several_azimuths")])
+def test_angles_of_several_azimuths_are_not_pooled_without_a_word(
+    azimuth, said, runs, tmp_path
+):
+    """At 178° and at 1°, which are 3° apart; A is that of all azimuths."""
+    found = identify_batch(["runs"], "out", identify=partial(identify, azimuth=azimuth))
+    assert [row["warnings"] for row in found.population] == [said, ""]
 
 
 def test_what_has_no_interval_of_its_own_is_not_pooled(runs, tmp_path):
