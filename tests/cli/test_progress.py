@@ -10,7 +10,7 @@ import sys
 from pushfit.cli import main
 from pushfit.cli.progress import ProgressLines
 from tests.cli.test_app import session
-from tests.fit.tables import HARD, TOML
+from tests.fit.tables import HARD, NORMAL, TOML
 
 ESCAPE = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 # The columns of a terminal that holds the bar in one line.
@@ -91,7 +91,7 @@ def test_a_command_says_theta_c_before_the_posterior(capsys, tmp_path):
     """What is on standard output stays what it was: the report alone."""
     table, grasp = tmp_path / "peaks.csv", tmp_path / "grasp.toml"
     # By the switch of the paper, whose programs other tests have as well.
-    grasp.write_text(TOML + HARD)
+    grasp.write_text(TOML + HARD + NORMAL)
     rows = ["theta_deg,alpha_deg,height_n"]
     rows += [f"{5 * i},0,{0.02 * i**1.5:.3f}" for i in range(1, 18)]
     table.write_text("\n".join(rows))

@@ -4,7 +4,7 @@ import json
 
 from pushfit.cli import main
 from pushfit.data.tables.peak_table import write_table
-from tests.fit.tables import HARD, TOML, case_table
+from tests.fit.tables import HARD, NORMAL, TOML, case_table
 from tests.problems import CASES
 
 
@@ -13,7 +13,7 @@ def test_few_tables_are_counted_and_nothing_is_claimed_of_them(
 ):
     monkeypatch.chdir(tmp_path)
     write_table(case_table(CASES["firm"], noise=0.03, seed=1), "peaks.csv")
-    (tmp_path / "grasp.toml").write_text(TOML + HARD)
+    (tmp_path / "grasp.toml").write_text(TOML + HARD + NORMAL)
     words = ["coverage", "peaks.csv", "-c", "grasp.toml", "--tables", "2"]
     words += ["--seed", "6"]
     assert main([*words, "--plot", "coverage.svg", "--json"]) == 0

@@ -19,6 +19,13 @@ from tests.fit.tables import case_table, config
 from tests.problems import CASES, PUSH
 
 
+@pytest.fixture(scope="module")
+def found():
+    """A result in which nothing is wrong."""
+    table = case_table(CASES["firm"], noise=0.02)
+    return identify_table(table, config(), seed=0, engine="sweep")
+
+
 @pytest.mark.parametrize(
     ("end", "is_said"), [(-0.9, True), (-0.1, True), (-0.5, False)]
 )
@@ -67,12 +74,10 @@ def test_an_integral_that_is_not_settled_is_no_solver_that_stopped(monkeypatch):
     assert "step limit" not in " ".join(n.text for n in result.warnings)
 
 
-def test_outliers_come_with_what_to_do():
-    table = case_table(CASES["firm"], noise=0.02)
-    found = identify_table(table, config(), seed=0, engine="sweep")
+def test_outliers_come_with_what_to_do(found):
     goodness = replace(found.goodness_of_fit, outliers=("push 8",))
     warnings = result_warnings(
-        build_problem(table, config()), replace(found, goodness_of_fit=goodness)
+        build_problem(found.table, config()), replace(found, goodness_of_fit=goodness)
     )
     (text,) = [w.text for w in warnings if w.code == "outliers"]
     assert text.startswith("more than 5 sigma from the fit: push 8; look at")
@@ -86,36 +91,32 @@ def test_what_is_far_from_the_prior_is_said_of_a_rejected_model_too():
     found = identify_table(table, config(), seed=0, engine="sweep")
     goodness = replace(found.goodness_of_fit, is_adequate=False)
     warnings = result_warnings(
-        build_problem(table, config()), replace(found, goodness_of_fit=goodness)
+        build_problem(found.table, config()), replace(found, goodness_of_fit=goodness)
     )
     assert {"model_inadequate", "far_from_prior"} <= {w.code for w in warnings}
 
 
 @pytest.mark.parametrize(("n", "is_said"), [(12, True), (13, False)])
-def test_what_most_pushes_are_is_no_outlier(n, is_said):
+def test_what_most_pushes_are_is_no_outlier(found, n, is_said):
     """Of 51 pushes; with many the model is what does not fit."""
-    table = case_table(CASES["firm"], noise=0.02)
-    found = identify_table(table, config(), seed=0, engine="sweep")
     names = tuple(f"push {i}" for i in range(n))
     goodness = replace(found.goodness_of_fit, outliers=names)
     warnings = result_warnings(
-        build_problem(table, config()), replace(found, goodness_of_fit=goodness)
+        build_problem(found.table, config()), replace(found, goodness_of_fit=goodness)
     )
     assert ("outliers" in {w.code for w in warnings}) is is_said
 
 
 @pytest.mark.parametrize("estimate", [20.0, None])
-def test_directions_that_disagree_are_said_also_without_an_estimate(estimate):
+def test_directions_that_disagree_are_said_also_without_an_estimate(found, estimate):
     """A best direction that is too wide to be quoted by one number has an interval."""
-    table = case_table(CASES["firm"], noise=0.02)
-    found = identify_table(table, config(), seed=0, engine="sweep")
     direction = replace(found.theta_c, name="alpha_star")
     found = replace(
         found,
         alpha_star=replace(direction, estimate=estimate, interval=(10.0, 30.0)),
         alpha_star_model_free=replace(direction, estimate=80.0, interval=(75.0, 85.0)),
     )
-    warnings = result_warnings(build_problem(table, config()), found)
+    warnings = result_warnings(build_problem(found.table, config()), found)
     (text,) = [w.text for w in warnings if w.code == "alpha_star_disagreement"]
     assert "10° to 30° by the model but in 75° to 85° by a cosine" in text
 
