@@ -51,11 +51,14 @@ def nested_monte_carlo(heights, labels_of, rng):
     log_density = -distance / 2
     # What a draw says of its own reading is no knowledge of the others.
     log_density[np.arange(N_OUTER), rows] = -np.inf
-    whole = logsumexp(log_density, axis=1) - np.log(n)
+    # One exponential for the sums over all draws and over those of each label.
+    highest = np.max(log_density, axis=1)
+    density = np.exp(log_density - highest[:, None])
+    whole = np.log(density.sum(axis=1)) - np.log(n)
     gains = {}
     for name, found in labels_of.items():
         own = found[None] == found[rows][:, None]
-        given = logsumexp(np.where(own, log_density, -np.inf), axis=1)
+        given = np.log(np.sum(density, axis=1, where=own))
         terms = given - np.log(own.sum(axis=1)) - whole
         gains[name] = terms.mean(), terms.std() / np.sqrt(N_OUTER)
     return gains
