@@ -56,7 +56,7 @@ def writer(request, monkeypatch) -> list[str]:
     stand_in(
         found, "fit.coverage.coverage_study", f"{report}.difference.compare_results"
     )
-    stand_in((), "explore.explorer.Explorer.ask", "explore.explorer.Explorer.overview")
+    stand_in((), "explore.explorer.Explorer.ask")
     stand_in(Figure(), "report.figures.diagnostics.study_figure")
     stand_in(Figure(), "report.figures.exploration.exploration_picture")
     stand_in(Figure(), "report.figures.forest.forest_figure")

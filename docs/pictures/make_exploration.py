@@ -38,11 +38,11 @@ def main() -> None:
     def draw(step: Step) -> None:
         name = STEPS.get(step.state.n_pushes)
         if name is not None:
-            figure = exploration_picture(explorer.overview(explorer.ask(3)))
+            figure = exploration_picture(explorer, explorer.ask(3))
             save_figure(figure, HERE / f"{name}.png")
 
     explore(explorer, hand, settings=PeakSettings(), watch=draw)
-    save_figure(exploration_picture(explorer.overview()), HERE / "exploration.png")
+    save_figure(exploration_picture(explorer), HERE / "exploration.png")
 
 
 if __name__ == "__main__":

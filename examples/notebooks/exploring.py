@@ -80,7 +80,7 @@ print(state.sentence)
 # What is known, what each push would have told, and how it went:
 
 # %%
-exploration_picture(explorer.overview())
+exploration_picture(explorer)
 
 # %% [markdown]
 # ## The result

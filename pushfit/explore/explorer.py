@@ -50,7 +50,6 @@ from pushfit.explore.journal.events import (
 )
 from pushfit.explore.journal.file import Event, Journal
 from pushfit.explore.limits import Limits
-from pushfit.explore.overview import Overview
 from pushfit.explore.records import (
     FINDINGS,
     Answer,
@@ -356,19 +355,6 @@ class Explorer:
         )
         self._survey = self._survey if is_full else found
         return found
-
-    def overview(self, suggestions: tuple[Suggestion, ...] = ()) -> Overview:
-        """How it stands, for a picture with pushes of `ask`."""
-        return Overview(
-            angle=self.angle,
-            targets=self.judge.targets(self.belief, self.question),
-            belief=self.belief,
-            survey=self.survey(is_full=True),
-            state=self.state,
-            course=tuple(self.history.course),
-            told=tuple(self.history.told),
-            suggestions=suggestions,
-        )
 
     @property
     def _abandoned(self) -> list[tuple[float, float]]:

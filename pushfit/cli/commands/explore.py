@@ -78,7 +78,7 @@ def next(
             from pushfit.report.figures import save_figure
             from pushfit.report.figures.exploration import exploration_picture
 
-            save_figure(exploration_picture(explorer.overview(suggestions)), plot)
+            save_figure(exploration_picture(explorer, suggestions), plot)
     if plot is not None:
         session.wrote(plot)
     session.warn_of(explorer.belief.warnings)
@@ -241,7 +241,7 @@ def _run(
         session.say(state.sentence, style="bold")
     found = identify_table(table, explorer.question.settings, seed=explorer.judge.seed)
     found = replace(with_next_push(found), warnings=(*found.warnings, ADAPTIVE))
-    picture = figure_bytes(exploration_picture(explorer.overview()), "png")
+    picture = figure_bytes(exploration_picture(explorer), "png")
     write_result_folder(
         found,
         out,

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from pushfit.explore.overview import Overview
-from pushfit.explore.records import State
+from pushfit.explore.decide.intervals import AskedAngle
+from pushfit.explore.explorer import Explorer
+from pushfit.explore.records import State, Suggestion
 from pushfit.parameters import HALF_TURN
 from pushfit.report.figures.style import (
     BLACK,
@@ -48,32 +49,37 @@ BELOW = MappingProxyType(
 
 
 @styled
-def exploration_picture(seen: Overview) -> "Figure":
+def exploration_picture(
+    explorer: Explorer, suggestions: Sequence[Suggestion] = ()
+) -> "Figure":
     """What is known, what pushes would tell and, if some were made, how it went.
 
     Args:
-        seen: What `Explorer.overview` returns.
+        explorer: The exploration as it stands.
+        suggestions: Pushes of its `ask`, of which the first is marked.
     """
-    angle, course = seen.angle, seen.course
-    known = list(seen.targets)
+    angle, course = explorer.angle, explorer.history.course
+    known = explorer.judge.targets(explorer.belief, explorer.question)
     n = len(known) + 1 + (len(course) > 1)
     figure = new_figure(width=PAGE * n / 2.6, height=3.2)
     axes = figure.subplots(1, n)
-    for panel, name in zip(axes, known, strict=False):
-        _draw_known(panel, seen, name)
-    _draw_gains(axes[len(known)], seen)
+    for panel, (name, target) in zip(axes, known.items(), strict=False):
+        _draw_known(panel, explorer, name, target)
+    _draw_gains(axes[len(known)], explorer, suggestions)
     if len(course) > 1:
-        draw_course(axes[-1], course, angle, is_axis=seen.targets[angle].is_axis)
-    figure.suptitle(seen.state.sentence, x=0.01, ha="left", fontsize=9, wrap=True)
+        draw_course(axes[-1], course, angle, is_axis=known[angle].is_axis)
+    figure.suptitle(explorer.state.sentence, x=0.01, ha="left", fontsize=9, wrap=True)
     # Ticks follow the size of their panel, and labels these: solved twice.
     figure.draw_without_rendering()
     return figure
 
 
-def _draw_known(axes: "Axes", seen: Overview, angle: str) -> None:
+def _draw_known(
+    axes: "Axes", explorer: Explorer, angle: str, target: AskedAngle
+) -> None:
     """Posterior of an angle, with its interval and the width that would decide."""
-    target, interval = seen.targets[angle], seen.state.intervals[angle]
-    values, weights, width = target.values, seen.belief.weights, target.width
+    interval = explorer.state.intervals[angle]
+    values, weights, width = target.values, explorer.belief.weights, target.width
     is_there = np.isfinite(values) & (weights > 0)
     values = values[is_there]
     low, high = 0.0, HALF_TURN if angle == "alpha_star" else 90.0
@@ -109,14 +115,16 @@ def _draw_known(axes: "Axes", seen: Overview, angle: str) -> None:
     place_legend(axes, loc="upper right")
 
 
-def _draw_gains(axes: "Axes", seen: Overview) -> None:
+def _draw_gains(
+    axes: "Axes", explorer: Explorer, suggestions: Sequence[Suggestion]
+) -> None:
     """Gain over elevation, and over azimuth where that was open."""
-    survey = seen.survey
+    survey, told = explorer.survey(is_full=True), explorer.history.told
     gain, allowed = survey.gains, survey.is_allowed
     theta_deg, alpha_deg = np.degrees(survey.theta), np.degrees(survey.alpha)
     theta, alpha = np.unique(theta_deg), np.unique(alpha_deg)
-    made = np.degrees([(row.theta, row.alpha) for row in seen.told]).reshape(-1, 2)
-    following = [(push.theta_deg, push.alpha_deg) for push in seen.suggestions[:1]]
+    made = np.degrees([(row.theta, row.alpha) for row in told]).reshape(-1, 2)
+    following = [(push.theta_deg, push.alpha_deg) for push in suggestions[:1]]
     axes.set_title("What a push would tell")
     axes.set_axisbelow(True)
     axes.set_xlabel("push elevation θ [°]")

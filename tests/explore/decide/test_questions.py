@@ -215,7 +215,7 @@ def test_a_terminal_shows_state_interval_and_chance_as_they_change(monkeypatch):
 def test_no_legend_of_the_map_hides_what_is_drawn():
     """With most directions out of limits, as many entries as there may be."""
     own = explorer(ask="both", limits=Limits(force=2.9))
-    figure = exploration_picture(own.overview(own.ask()))
+    figure = exploration_picture(own, own.ask())
     figure.draw_without_rendering()
     *known, gains, bar = figure.axes
     # Both angles are asked for, and both are shown.
