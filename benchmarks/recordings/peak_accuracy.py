@@ -17,6 +17,7 @@ from scipy.signal import peak_prominences
 
 from pushfit.data.peaks.extract import extract_peaks
 from pushfit.data.plans.schedule import PushSchedule
+from pushfit.data.rows import rows_of
 from pushfit.data.simulate import Session, SimulatedRecording, simulate_recording
 from pushfit.model import Grasp, Parameters
 
@@ -68,7 +69,7 @@ def simulate(
     rng = np.random.default_rng(seed)
     height = float(
         simulate_recording(
-            PARAMS, GRASP, PLAN.rows(np.arange(1)), session=session, rng=rng
+            PARAMS, GRASP, rows_of(PLAN, slice(1)), session=session, rng=rng
         ).truth.height[0]
     )
     period = session.duration + session.rest

@@ -45,7 +45,7 @@ OFTEN = (0.1, 0.3, 0.6)
 
 def evenly(n: int, time: np.ndarray | None = None) -> PushSchedule:
     """A plan whose direction turns by one angle, and the times of its pushes [s]."""
-    plan = PushSchedule.in_order(np.radians(np.linspace(5.0, 85.0, n)), np.zeros(n))
+    plan = PushSchedule.planned(np.radians(np.linspace(5.0, 85.0, n)), np.zeros(n))
     return replace(plan, time=time)
 
 

@@ -60,7 +60,7 @@ def recorded_directions(
             "schedule",
             code="no_directions",
         )
-    return PushSchedule.in_order(theta, alpha)
+    return PushSchedule.planned(theta, alpha)
 
 
 def turning(

@@ -17,6 +17,7 @@ from pushfit.data.plans.mismatch import mismatch_error, push_name
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.pushes.feet import Feet
 from pushfit.data.pushes.found_humps import Extent, FoundHumps, is_in
+from pushfit.data.rows import rows_of
 from pushfit.data.text.faults import listed
 from pushfit.data.units import Unit
 from pushfit.errors import stated
@@ -177,7 +178,7 @@ def pair(
         chosen=tuple(extents),
         is_missing=tuple(bool(alignment.hump[i] < 0) for i in rows),
         is_excluded=tuple(is_excluded),
-        plan=plan.rows(index),
+        plan=rows_of(plan, index),
         schedule=schedule,
         alignment=alignment,
     )

@@ -83,7 +83,7 @@ class PushSchedule:
         theta: Float[np.ndarray, "*n"] | float,
         alpha: Float[np.ndarray, "*n"] | float,
         *,
-        repeats: int,
+        repeats: int = 1,
     ) -> "PushSchedule":
         """Plan pushes direction by direction, each repeated in a row.
 
@@ -105,22 +105,6 @@ class PushSchedule:
             push=np.arange(1, repeats * len(theta) + 1),
         )
 
-    @classmethod
-    def in_order(
-        cls, theta: Float[np.ndarray, " n"], alpha: Float[np.ndarray, " n"]
-    ) -> "PushSchedule":
-        """Number pushes as they come, each the first of its direction.
-
-        Args:
-            theta: Elevation of every push [rad].
-            alpha: Azimuth of every push [rad].
-        """
-        return cls.planned(theta, alpha, repeats=1)
-
-    def rows(self, index: Int[np.ndarray, " m"]) -> "PushSchedule":
-        """Some of the pushes."""
-        return rows_of(self, index)
-
     def repeated(self, n_cycles: int) -> "PushSchedule":
         """The schedule run through several times, pushes and repeats counted on.
 
@@ -137,7 +121,7 @@ class PushSchedule:
             return self
         cycle = np.repeat(np.arange(n_cycles), self.n_pushes)
         return replace(
-            self.rows(np.tile(np.arange(self.n_pushes), n_cycles)),
+            rows_of(self, np.tile(np.arange(self.n_pushes), n_cycles)),
             push=np.tile(self.push, n_cycles) + cycle * self.push.max(),
             repeat=np.tile(self.repeat, n_cycles) + cycle * self.repeat.max(),
             time=None,

@@ -233,7 +233,7 @@ def test_recorded_angles_are_there_from_the_beginning():
 
 def test_a_schedule_is_where_the_page_begins_and_its_doubts_are_told():
     """One of its pushes is missing, and the touch is none of them."""
-    plan = PushSchedule.in_order(np.radians(10 * np.arange(5.0)), np.zeros(5))
+    plan = PushSchedule.planned(np.radians(10 * np.arange(5.0)), np.zeros(5))
     plan = replace(plan, time=np.array([2.0, 5.0, 12.0, 19.0, 22.0]))
     look = Look(recording(), read_config(None), plan)
     assert look.pushes == [0, 1, 3, 5]

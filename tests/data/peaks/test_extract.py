@@ -10,7 +10,7 @@ from pushfit.data.recordings.records import Recording
 
 TIME = np.arange(0.0, 40.0, 0.01)
 TOPS = 2.0 + 4.0 * np.arange(9.0)
-PLAN = PushSchedule.in_order(
+PLAN = PushSchedule.planned(
     theta=np.radians(np.linspace(10.0, 80.0, 9)), alpha=np.zeros(9)
 )
 TIMES = ["t_start_s", "t_peak_s", "t_end_s"]

@@ -177,7 +177,7 @@ def test_what_is_left_out_is_no_rest_of_a_push_that_is_missing_beside_it():
     humps = [*np.delete(tops, 2), 8.3]
     y = sum(30.0 * np.clip(1 - np.abs(time - top), 0, None) for top in humps)
     y = y + 0.1 * np.random.default_rng(5).standard_normal(time.size)
-    schedule = PushSchedule.in_order(theta=np.radians(tops), alpha=np.zeros(6))
+    schedule = PushSchedule.planned(theta=np.radians(tops), alpha=np.zeros(6))
     settings = PeakSettings(exclude=((8.0, 8.6),), allow_missing=True)
     recording = Recording(time=time, channels={"p": y}, units={"p": "n"})
     row = extract_peaks(recording, schedule, settings=settings).frame.iloc[2]
@@ -287,7 +287,7 @@ def test_a_window_names_a_push_by_the_time_that_its_table_gives():
 
 def test_a_planned_push_left_out_by_the_time_of_its_table_is_no_reading():
     planned = [0, 1, 3]
-    schedule = PushSchedule.in_order(
+    schedule = PushSchedule.planned(
         theta=np.radians([0.0, 30.0, 60.0]), alpha=np.zeros(3)
     )
     schedule = replace(schedule, time=MIDDLES[planned])

@@ -511,7 +511,7 @@ def test_cut_real_pushes_are_flagged(real_data):
 def test_rows_sorted_by_anything_but_their_order_are_told_of(push, is_in_order):
     theta = np.radians([10.0, 30.0, 50.0, 70.0])
     schedule = dataclasses.replace(
-        PushSchedule.in_order(theta, 0 * theta), push=np.array(push)
+        PushSchedule.planned(theta, 0 * theta), push=np.array(push)
     )
     table = extract_peaks(simulated(schedule).recording, schedule)
     told = [text for text in table.cautions if "push numbers" in text]

@@ -461,7 +461,7 @@ def test_a_brush_that_the_user_leaves_out_explains_the_beat_without_a_push():
 )
 def test_what_an_assignment_leaves_open_is_said_by_direction(theta_deg, hump, said):
     n, n_extra = len(hump), 3 - np.count_nonzero(np.array(hump) >= 0)
-    schedule = PushSchedule.in_order(theta=np.radians(theta_deg), alpha=np.zeros(n))
+    schedule = PushSchedule.planned(theta=np.radians(theta_deg), alpha=np.zeros(n))
     pairs = Alignment(
         hump=np.array(hump),
         other=np.array(hump[::-1]),
@@ -488,7 +488,7 @@ def test_which_push_was_not_made_is_open_where_no_gap_or_time_tells(
     hump, is_timed, said
 ):
     """One row too many anywhere in a plan leaves the last one over."""
-    schedule = PushSchedule.in_order(
+    schedule = PushSchedule.planned(
         theta=np.radians([10.0, 20.0, 30.0, 40.0]), alpha=np.zeros(4)
     )
     if is_timed:

@@ -61,7 +61,7 @@ def test_a_schedule_without_directions_is_refused(tmp_path):
 THETA = np.radians(np.arange(-60.0, 61.0, 30.0))
 TWICE = PushSchedule.planned(THETA, 1.5, repeats=2)
 IN_RUNS = PushSchedule.planned(THETA, 1.5, repeats=1).repeated(2)
-FORTH_AND_BACK = PushSchedule.in_order(np.append(THETA, THETA[-2::-1]), np.full(9, 1.5))
+FORTH_AND_BACK = PushSchedule.planned(np.append(THETA, THETA[-2::-1]), np.full(9, 1.5))
 
 
 @pytest.mark.parametrize(
@@ -70,9 +70,9 @@ FORTH_AND_BACK = PushSchedule.in_order(np.append(THETA, THETA[-2::-1]), np.full(
         (TWICE, [0, 2, 4, 6, 8]),
         (IN_RUNS, [0, 5]),
         (FORTH_AND_BACK, [0]),
-        (PushSchedule.in_order(np.array([0.1, 0.5, 0.2, 1.1]), np.full(4, 1.5)), []),
-        (PushSchedule.in_order(np.array([0.1, 0.5]), np.array([1.5, 1.5])), []),
-        (PushSchedule.in_order(np.array([0.1]), np.array([1.5])), []),
+        (PushSchedule.planned(np.array([0.1, 0.5, 0.2, 1.1]), np.full(4, 1.5)), []),
+        (PushSchedule.planned(np.array([0.1, 0.5]), np.array([1.5, 1.5])), []),
+        (PushSchedule.planned(np.array([0.1]), np.array([1.5])), []),
     ],
 )
 def test_jumps_are_moves_unlike_most(plan, jumps):

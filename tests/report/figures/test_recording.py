@@ -41,7 +41,7 @@ def test_found_pushes_are_those_between_begin_and_end():
 def test_baselines_lie_in_the_drawn_signal_and_tops_on_it(sign, has_directions):
     settings = PeakSettings(invert=sign < 0)
     if has_directions:
-        schedule = PushSchedule.in_order(np.full(5, np.radians(30.0)), np.zeros(5))
+        schedule = PushSchedule.planned(np.full(5, np.radians(30.0)), np.zeros(5))
         found = extract_peaks(recording(sign=sign), schedule, settings=settings)
         figure = signal_figure(found.traces[0], found)
     else:
