@@ -74,17 +74,17 @@ class Alignment:
         hump: For each planned push its hump, -1 where it is missing.
         extra: Humps that are no planned push.
         other: Another assignment that is nearly as good; None where there is none.
-        n_cycles: How often the recording runs through the schedule.
         expected: When each planned push was to be [s].
         off_beat: Humps that are paired for their number, against the rhythm.
+        n_cycles: How often the recording runs through the schedule.
     """
 
     hump: Int[np.ndarray, " n"]
     extra: tuple[int, ...]
     other: Int[np.ndarray, " n"] | None
-    n_cycles: int
     expected: Float[np.ndarray, " n"]
     off_beat: tuple[int, ...] = ()
+    n_cycles: int = 1
 
     @property
     def is_of_another(self) -> bool:
@@ -147,7 +147,8 @@ def align(
     for n_cycles in several:
         case = runs(n_cycles)
         clock = None if plan.time is None else case.on_the_clock(plan.time[0], starts)
-        one = _align(case, clock, n_cycles, begin=begin, left_out=left_out)
+        one = _align(case, clock, begin=begin, left_out=left_out)
+        one = replace(one, n_cycles=n_cycles)
         if not one.is_in_doubt:
             return one
         found.append(one)
@@ -157,7 +158,6 @@ def align(
 def _align(
     case: Case,
     clock: Int[np.ndarray, " n"] | None,
-    n_cycles: int,
     *,
     begin: float,
     left_out: Sequence[float],
@@ -171,9 +171,9 @@ def _align(
     n_pushes, n_planned = int(np.count_nonzero(~brush)), len(case.planned)
     in_order = np.flatnonzero(~brush)
     if n_pushes == n_planned and case.is_in_rhythm(left_out):
-        return _alignment(case, in_order, None, n_cycles)
+        return _alignment(case, in_order)
     if clock is not None:
-        return _alignment(case, _joined(case, clock), None, n_cycles)
+        return _alignment(case, _joined(case, clock))
     if case.is_timed:
         ways = [(case, 1.0, _TIMED_SCATTER)]
     else:
@@ -187,7 +187,7 @@ def _align(
                 for period, scatter, *jump in rhythms_with_jumps(certain)
             ]
     if n_pushes == n_planned and not case.is_timed:
-        return _as_many(case, ways, n_cycles)
+        return _as_many(case, ways)
     case, best, others, _ = _likeliest(ways)
     shown = max(_rhythm_shown(*way, best) for way in ways)
     best = _joined(case, best)
@@ -201,15 +201,15 @@ def _align(
         # Too few to keep a rhythm: it does not speak against mere order.
         others = [*_in_order(case), *others]
     others = [other for other in others if _differs(case, best, other)]
-    return _alignment(case, best, others[0] if others else None, n_cycles)
+    return _alignment(case, best, others[0] if others else None)
 
 
-def _as_many(case: Case, ways: Sequence[Way], n_cycles: int) -> Alignment:
+def _as_many(case: Case, ways: Sequence[Way]) -> Alignment:
     """As many humps as planned: in order, unless a rhythm speaks against it."""
     ways = [way for way in ways if np.isfinite(way[1])]
     if not ways:
         # A hand has no rhythm that could tell otherwise.
-        return _by_number(case, n_cycles)
+        return _by_number(case)
     own, best, others, least = _likeliest(ways)
     in_order = np.flatnonzero(~case.brush)
     is_shown = max(_rhythm_shown(*way, best) for way in ways) > _EVIDENCE
@@ -221,10 +221,10 @@ def _as_many(case: Case, ways: Sequence[Way], n_cycles: int) -> Alignment:
         near = [best] if more > -_TOLD else []
     elif more < _CLEAR or case.brush[best[best >= 0]].any():
         # A brush is less likely a push than as many as planned are the pushes.
-        return _alignment(own, in_order, best, n_cycles)
+        return _alignment(own, in_order, best)
     else:
-        return _alignment(own, best, in_order, n_cycles)
-    return _by_number(case, n_cycles, None if is_by_hand or not near else near[0])
+        return _alignment(own, best, in_order)
+    return _by_number(case, None if is_by_hand or not near else near[0])
 
 
 def _likeliest(
@@ -236,9 +236,9 @@ def _likeliest(
         The plan by its rhythm, the assignment, the others, and its cost [nats].
     """
     pairings = [
-        (one.cost, scale, case, one.hump)
+        (cost, scale, case, hump)
         for case, scale, scatter in ways
-        for one in cheapest_pairings(case, scale, scatter)
+        for cost, hump in cheapest_pairings(case, scale, scatter)
     ]
     pairings.sort(key=lambda own: own[0])
     least, period, case, best = pairings[0]
@@ -271,16 +271,14 @@ def _joined(case: Case, hump: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
     return hump
 
 
-def _by_number(
-    case: Case, n_cycles: int, other: Int[np.ndarray, " n"] | None = None
-) -> Alignment:
+def _by_number(case: Case, other: Int[np.ndarray, " n"] | None = None) -> Alignment:
     """As many humps as planned in order, and which of them are off the beat.
 
     Args:
         other: Another assignment, whose humps are on it; None where no one comes near.
     """
     pushes = np.flatnonzero(~case.brush)
-    pairs = _alignment(case, pushes, None, n_cycles)
+    pairs = _alignment(case, pushes)
     off = pushes[_off_beat(case)] if other is None else np.setdiff1d(pushes, other)
     return replace(pairs, off_beat=tuple(off.tolist()))
 
@@ -370,14 +368,12 @@ def _differs(
 def _alignment(
     case: Case,
     hump: Int[np.ndarray, " n"],
-    other: Int[np.ndarray, " n"] | None,
-    n_cycles: int,
+    other: Int[np.ndarray, " n"] | None = None,
 ) -> Alignment:
     """An assignment with what follows from it."""
     return Alignment(
         hump=hump,
         extra=tuple(np.setdiff1d(np.flatnonzero(~case.brush), hump).tolist()),
         other=other,
-        n_cycles=n_cycles,
         expected=case.expected(hump),
     )

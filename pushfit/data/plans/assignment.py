@@ -34,18 +34,14 @@ _MOST_PAIRINGS = 40
 _MAX_EXTRA_RUN = 6
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PossiblePairing:
-    """One pairing of humps with planned pushes, and what it costs [nats]."""
-
-    hump: Int[np.ndarray, " n"]
-    cost: float
-
-
 def cheapest_pairings(
     case: Case, scale: float, scatter: float
-) -> list[PossiblePairing]:
-    """The cheapest pairings at one scale, each the cheapest that has another pair."""
+) -> list[tuple[float, Int[np.ndarray, " n"]]]:
+    """The cheapest pairings at one scale, each the cheapest that has another pair.
+
+    Returns:
+        What each costs [nats], and the hump of each planned push.
+    """
     counted = case.in_periods(scale)
     steady = _Steady(counted, scatter)
     cost, back = steady.forward()
@@ -60,10 +56,10 @@ def cheapest_pairings(
     while len(pairings) < most and np.isfinite(rest.min()):
         hump = _traced(total, back, ahead, int(np.argmin(rest)))
         cost = float(rest.min()) + counted.cost_of_other_repeats(hump)
-        pairings.append(PossiblePairing(hump=hump, cost=cost))
+        pairings.append((cost, hump))
         rows = np.flatnonzero(hump >= 0)
         rest[rows, hump[rows]] = np.inf
-    taken = min(pairings, key=lambda pairing: pairing.cost).hump
+    _, taken = min(pairings, key=lambda pairing: pairing[0])
     rows = np.flatnonzero(taken >= 0)
     # What shares no other pair may still leave one of these out.
     for row in rows if rows.size > 1 else ():
@@ -75,7 +71,7 @@ def cheapest_pairings(
             continue  # what comes in time is the push
         fewer = taken.copy()
         fewer[row] = -1
-        pairings.append(PossiblePairing(hump=fewer, cost=steady.cost(fewer)))
+        pairings.append((steady.cost(fewer), fewer))
     return pairings
 
 
