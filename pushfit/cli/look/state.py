@@ -19,7 +19,6 @@ from pushfit.data.peaks.components import (
     looked_at,
     push_signal,
     signal_name,
-    signal_unit,
     stated_unit,
 )
 from pushfit.data.peaks.extract import Heights, extract_peaks, measure_pushes, within
@@ -73,7 +72,7 @@ class Look:
         part = looked_at(recording, peaks)
         self.time, self.signal = push_signal(part, peaks)
         self.name = signal_name(part, peaks)
-        self.unit = signal_unit(part, peaks)
+        self.unit = stated_unit(part, peaks).canonical
         self.components: tuple[ComponentTrace, ...] = ()
         if peaks.normal is not None:
             whole = recording.between(peaks.begin, peaks.end)

@@ -104,11 +104,6 @@ def signal_name(recording: Recording, settings: PeakSettings) -> str:
     return f"{name}, sign changed" if settings.invert else name
 
 
-def signal_unit(recording: Recording, settings: PeakSettings) -> str:
-    """Unit of what `push_signal` returns, and of the heights."""
-    return stated_unit(recording, settings).canonical
-
-
 def stated_unit(recording: Recording, settings: PeakSettings) -> Unit:
     """Unit that the recording has the signal in: that of messages and settings."""
     normal = settings.normal

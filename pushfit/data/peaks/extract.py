@@ -27,7 +27,6 @@ from pushfit.data.peaks.components import (
     measure_components,
     push_signal,
     signal_name,
-    signal_unit,
     stated_unit,
 )
 from pushfit.data.peaks.directions import recorded_directions, turning
@@ -40,7 +39,7 @@ from pushfit.data.recordings.records import Recording
 from pushfit.data.rows import rows_of
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.tables.traces import MAX_KEPT, ComponentTrace, Trace, envelope
-from pushfit.data.units import DECIMALS
+from pushfit.data.units import DECIMALS, Unit
 from pushfit.errors import DataError
 
 __all__ = [
@@ -113,7 +112,7 @@ def extract_peaks(
             **measured.columns,
         }
     )
-    notes, cautions = look.notes(paired, frame)
+    notes, cautions = extraction_notes(paired, frame, look.settings, unit=look.unit)
     cautions = (*recording.cautions, *cautions, *turns)
     sources = recording.sources
     if schedule is not None and schedule.source is not None:
@@ -138,7 +137,7 @@ def measure_pushes(
     push = np.arange(1, len(paired.chosen) + 1)
     measured = look.measured(paired)
     frame = pd.DataFrame({"push": push, **measured.columns})
-    notes, cautions = look.notes(paired, frame)
+    notes, cautions = extraction_notes(paired, frame, look.settings, unit=look.unit)
     cautions = (*look.recording.cautions, *cautions)
     return Heights(
         frame=frame,
@@ -184,13 +183,18 @@ class _Look:
         searched = search(*push_signal(part, settings), settings)
         return cls(whole, part, settings, *searched)
 
+    @property
+    def unit(self) -> Unit:
+        """Unit that the recording has the signal in: that of messages."""
+        return stated_unit(self.recording, self.settings)
+
     def trace(self, measured: _Measured) -> Trace:
         """The signal that all rows were measured in."""
         time, signal = envelope(self.time, self.signal, max_points=MAX_KEPT)
         return Trace(
             path=self.recording.sources[0].path if self.recording.sources else "",
             name=signal_name(self.recording, self.settings),
-            unit=signal_unit(self.recording, self.settings),
+            unit=self.unit.canonical,
             time=time,
             signal=signal,
             first_row=0,
@@ -218,26 +222,18 @@ class _Look:
             both = replace(both, jerks=self.found.jerks)
             better = pair(both, schedule, settings, span=span)
             paired = better if paired.n_odd > better.n_odd else paired
-        unit = stated_unit(self.recording, settings)
         try:
             if all(extent.is_brush for extent in paired.found.extents):
-                raise no_pushes(signal, settings, paired.found, unit=unit)
+                raise no_pushes(signal, settings, paired.found, unit=self.unit)
             paired.refuse_doubt(settings)
         except DataError as error:
             files = ", ".join(source.path for source in self.recording.sources)
             message = f"{files}: {error}" if files else str(error)
             if error.code == "push_mismatch":
                 # One of them may be what a plan is found to lack.
-                message = "; ".join([message, *brushes_left_out(paired, unit)])
+                message = "; ".join([message, *brushes_left_out(paired, self.unit)])
             raise DataError(message, code=error.code, problems=error.problems) from None
         return paired
-
-    def notes(
-        self, paired: Paired, frame: pd.DataFrame
-    ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """What there is to be told of the rows, and what of it not to be overlooked."""
-        unit = stated_unit(self.recording, self.settings)
-        return extraction_notes(paired, frame, self.settings, unit=unit)
 
     def measured(self, paired: Paired) -> _Measured:
         """Heights of the pushes."""
@@ -274,7 +270,7 @@ class _Look:
         }
         if is_force:
             return self._of_components(humps, measured, times, words)
-        unit = signal_unit(self.recording, settings)
+        unit = self.unit.canonical
         columns = {
             f"height_{unit}": [h.height for h in heights],
             f"height_sd_{unit}": [h.sd for h in heights],

@@ -176,9 +176,8 @@ def measure_heights(
     step = np.abs(base.step) / 2
     rate = np.abs(base.slope) + 2 * base.doubt
     moved = np.maximum(rate * np.abs(tops.time - base.time), step)
-    start, end = np.array([[e.t_start, e.t_end] for e in extents]).T
     # A hump whose top is beside it is the end of one that is not seen.
-    is_beside = (tops.time < start) | (tops.time > end)
+    is_beside = (tops.time < windows[:, 0]) | (tops.time > windows[:, 1])
     checks = {
         "clipped": np.array([e.is_cut for e in extents]) | (is_beside & ~missing),
         "gap": tops.has_gap,

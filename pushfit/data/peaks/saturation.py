@@ -195,7 +195,7 @@ class _Tops:
         elif self.is_usual.any():
             is_shape = not lower.size or bool(lower.any())
         else:
-            is_shape = _share(lower) > _MOST
+            is_shape = bool(lower.size and lower.mean() > _MOST)
         is_shape |= not self._is_one_level(cut) or len(cut) <= _MOST * len(near)
         if is_shape or not is_narrow.any():
             return np.inf
@@ -255,11 +255,6 @@ class _Tops:
         first, end = int(inside[0]), int(inside[-1]) + 1
         margin = int(_EDGE * (end - first))
         return top[first + margin : end - margin]
-
-
-def _share(found: Bool[np.ndarray, " _"]) -> float:
-    """Share of the pushes of which it is so; 0 of none."""
-    return float(found.mean()) if found.size else 0.0
 
 
 def _is_at_one(top: Float[np.ndarray, " n"]) -> bool:

@@ -64,9 +64,7 @@ class RunningMeans:
         time, integral = (
             np.append(all_[:-1:stride], all_[-1]) for all_ in (self.time, self.integral)
         )
-        return RunningMeans(
-            time=time, integral=integral, level=self.level, step=self.step
-        )
+        return replace(self, time=time, integral=integral)
 
     def smooth(
         self,

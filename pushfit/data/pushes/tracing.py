@@ -176,18 +176,15 @@ def _trace(
     half_down = _falls(
         smooth, back[0], -back[1], is_down[:, ::-1], -after - rises[1] / 2, -1
     )
-    return Feet(
+    return replace(
+        feet,
         start=start,
         half_up=half_up,
         peak=t_peak,
         half_down=half_down,
         end=end,
-        lowest=feet.lowest,
-        highest=feet.highest,
         height=np.minimum(*rises),
         moved=after - before,
-        step=feet.step,
-        sigma=feet.sigma,
     )
 
 

@@ -15,7 +15,7 @@ import pandas as pd
 from jaxtyping import UInt64
 from pandas.util import hash_pandas_object
 
-from pushfit.data.tables.columns import Origin, Rows, is_parquet, read_rows
+from pushfit.data.tables.columns import Origin, is_parquet, read_rows
 from pushfit.data.tables.peak_table import PeakTable, read_table
 from pushfit.data.tables.rules import GRASP, KNOWN, grasp_names
 from pushfit.data.text.faults import data_error, refuse
@@ -99,7 +99,7 @@ def read_grasps(path: str | Path) -> Iterator[GraspRows]:
         raise refuse("no_grasp", "has no column grasp", path=str(path))
     column = names.name
     if (names == "").any():
-        place = _place(rows, int(np.argmax(names == "")))
+        place = rows.origin.places(np.flatnonzero(names == "")[:1])
         raise DataError(
             f"{path}, {place}, column {column}: is empty; name the grasp of every push",
             code="no_grasp",
@@ -149,12 +149,6 @@ def _row_hashes(cells: pd.DataFrame) -> UInt64[np.ndarray, " n"]:
     numbers = {c: float for c in cells if pd.api.types.is_numeric_dtype(cells[c])}
     cells = cells.astype(numbers)
     return hash_pandas_object(cells, index=False).to_numpy()  # pyright: ignore
-
-
-def _place(rows: Rows, row: int) -> str:
-    """Where a row is, for a message."""
-    lines = rows.origin.lines
-    return f"row {row + 1}" if lines is None else f"line {int(lines[row])}"
 
 
 def _names_grasps(path: str | Path) -> bool:
