@@ -5,8 +5,8 @@ from .config import read_config as read_config
 from .data.peaks.extract import extract_peaks as extract_peaks
 from .data.plans.schedule import PushSchedule as PushSchedule
 from .data.plans.schedule import read_schedule as read_schedule
-from .data.recordings.recording import Recording as Recording
 from .data.recordings.recording import read_recording as read_recording
+from .data.recordings.records import Recording as Recording
 from .data.simulate import simulate_recording as simulate_recording
 from .data.simulate import simulate_table as simulate_table
 from .data.tables.merge import merge_tables as merge_tables

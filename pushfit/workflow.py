@@ -20,7 +20,7 @@ from pushfit.data.check import expect_kind, file_kind
 from pushfit.data.load import configured_recording, reader_options
 from pushfit.data.peaks.extract import extract_peaks
 from pushfit.data.plans.schedule import PushSchedule, read_schedule
-from pushfit.data.recordings.recording import Recording
+from pushfit.data.recordings.records import Recording
 from pushfit.data.tables.merge import merge_tables
 from pushfit.data.tables.peak_table import PeakTable, read_table
 from pushfit.errors import (

@@ -23,7 +23,7 @@ import numpy as np
 
 from benchmarks.recordings.real_recordings import CASES, CHANNEL, load, measured
 from pushfit.config.inputs import PeakSettings
-from pushfit.data.peaks.extract import find_pushes
+from pushfit.data.peaks.chosen_humps import find_pushes
 from pushfit.data.pushes.feet import Feet
 from pushfit.data.recordings.recording import read_recording
 from pushfit.data.recordings.records import Recording

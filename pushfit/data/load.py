@@ -10,7 +10,8 @@ from typing import Any
 from pushfit.config import GraspConfig
 from pushfit.data.peaks.extract import extract_peaks
 from pushfit.data.plans.schedule import read_schedule
-from pushfit.data.recordings.recording import Recording, read_recording
+from pushfit.data.recordings.recording import read_recording
+from pushfit.data.recordings.records import Recording
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.units import stated_calibration
 

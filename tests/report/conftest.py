@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pushfit.config import GraspConfig
-from pushfit.data.recordings.recording import Source
+from pushfit.data.text.files import Source
 from pushfit.fit.assess.reporting_rules import reported
 from pushfit.fit.results import (
     FitStatus,

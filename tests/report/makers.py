@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from pushfit.config import GraspConfig
-from pushfit.data.recordings.recording import Source
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.tables.traces import Trace
+from pushfit.data.text.files import Source
 from pushfit.fit.checks.push_densities import PushDensities
 from pushfit.fit.comparison import (
     Comparison,

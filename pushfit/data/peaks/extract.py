@@ -16,7 +16,6 @@ from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.chosen_humps import (
     DEFAULTS,
     find,
-    find_pushes,
     no_pushes,
     search,
 )
@@ -41,15 +40,6 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.tables.traces import MAX_KEPT, ComponentTrace, Trace, envelope
 from pushfit.data.units import DECIMALS, Unit
 from pushfit.errors import DataError
-
-__all__ = [
-    "DEFAULTS",
-    "Heights",
-    "extract_peaks",
-    "find_pushes",
-    "measure_pushes",
-    "within",
-]
 
 HeightColumns = dict[str, Sequence[float] | Sequence[str]]
 

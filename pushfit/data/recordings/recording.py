@@ -32,8 +32,6 @@ from pushfit.data.text.textfile import TextFile, open_text
 from pushfit.data.units import UNITS, Calibration, Unit
 from pushfit.errors import DataError
 
-__all__ = ["Recording", "Source", "read_recording"]
-
 _NOTHING: Mapping[str, str] = MappingProxyType({})
 _UNCHANGED: Mapping[str, Calibration] = MappingProxyType({})
 

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from pushfit.cli.look.state import Look, angles_of
 from pushfit.config import parse_config, read_config, template
 from pushfit.data.load import configured_recording
-from pushfit.data.peaks.extract import extract_peaks, find_pushes, measure_pushes
+from pushfit.data.peaks.chosen_humps import find_pushes
+from pushfit.data.peaks.extract import extract_peaks, measure_pushes
 from pushfit.data.plans.schedule import PushSchedule, read_schedule, write_schedule
 from pushfit.errors import ConfigError, DataError
 from tests.cli.look.makers import (

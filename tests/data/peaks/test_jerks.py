@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from pushfit.config.inputs import PeakSettings
-from pushfit.data.peaks.extract import extract_peaks, find_pushes, measure_pushes
+from pushfit.data.peaks.chosen_humps import find_pushes
+from pushfit.data.peaks.extract import extract_peaks, measure_pushes
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.recordings.records import Recording
 from pushfit.errors import DataError

@@ -10,7 +10,8 @@ from scipy import stats
 
 from pushfit.config import GraspConfig
 from pushfit.config.inputs import PeakSettings
-from pushfit.data.peaks.extract import extract_peaks, find_pushes, measure_pushes
+from pushfit.data.peaks.chosen_humps import find_pushes
+from pushfit.data.peaks.extract import extract_peaks, measure_pushes
 from pushfit.data.peaks.notes import extraction_notes
 from pushfit.data.plans.pairing import pair
 from pushfit.data.plans.schedule import PushSchedule

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from pushfit.config.inputs import PeakSettings
-from pushfit.data.peaks.extract import find_pushes, measure_pushes
+from pushfit.data.peaks.chosen_humps import find_pushes
+from pushfit.data.peaks.extract import measure_pushes
 from pushfit.data.peaks.heights import measure_heights
 from pushfit.data.peaks.rests import rests_of
 from pushfit.data.pushes.feet import Feet, are_cut

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pushfit.data.recordings.recording import Source
 from pushfit.data.tables.merge import merge_tables
 from pushfit.data.tables.peak_table import PeakTable
+from pushfit.data.text.files import Source
 from pushfit.errors import DataError
 
 

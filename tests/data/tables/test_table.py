@@ -8,9 +8,9 @@ import pytest
 
 from pushfit.atomic import atomic_path
 from pushfit.data.check import file_kind
-from pushfit.data.recordings.recording import Source
 from pushfit.data.tables.grasps import is_long_table, read_tables
 from pushfit.data.tables.peak_table import PeakTable, read_table, write_table
+from pushfit.data.text.files import Source
 from pushfit.errors import ConfigError, DataError
 from tests.tolerances import EXACT
 
