@@ -168,7 +168,10 @@ class Humps:
                 kept.add(int(self.valleys[worst + 1]))
                 self.rests[worst + 1] = lows[worst + 1]
                 continue
-            self._merge(worst, worst + int(tops[worst] >= tops[worst + 1]))
+            lower = worst + int(tops[worst] >= tops[worst + 1])
+            self.peaks = np.delete(self.peaks, lower)
+            self.valleys = np.delete(self.valleys, worst + 1)
+            self.rests = np.delete(self.rests, worst + 1)
         return kept
 
     def _is_new_rest(self, pair: int) -> bool:
@@ -230,12 +233,6 @@ class Humps:
         if after in {0, len(below)}:
             return np.inf
         return float(below[after] - below[after - 1] - 1)
-
-    def _merge(self, pair: int, lower: int) -> None:
-        """Make one hump of two: the valley between goes, with the lower top."""
-        self.peaks = np.delete(self.peaks, lower)
-        self.valleys = np.delete(self.valleys, pair + 1)
-        self.rests = np.delete(self.rests, pair + 1)
 
     def drop_below(self, least: float) -> None:
         """Remove humps that are too low, the lowest first."""

@@ -20,7 +20,7 @@ from jaxtyping import Int, Shaped
 
 from pushfit.config.inputs import Tail
 from pushfit.data.text.dialects import Layout
-from pushfit.data.text.explain import Kind, missing_tokens, slow_scan
+from pushfit.data.text.explain import MISSING, Kind, slow_scan
 from pushfit.data.text.faults import data_error, no_rows, refuse, refuse_too_large
 from pushfit.data.text.layout_guess import STAMPS, Stamp
 from pushfit.data.text.scan import Body, Scan, fast_scan, find_body
@@ -164,7 +164,7 @@ def _chunks(
 ) -> Iterator[pd.DataFrame]:
     """Parse the rows, without their header, some at a time."""
     layout, blocks = body.layout, body.text.blocks(body.start, body.end)
-    tokens = list(missing_tokens(missing))
+    tokens = [*MISSING, *missing]
     with pd.read_csv(
         cast(IO[bytes], BlockReader(blocks)),
         sep=r"\s+" if layout.delimiter == " " else layout.delimiter,

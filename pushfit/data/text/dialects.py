@@ -137,7 +137,7 @@ def find_layout(
         has_trailing=guess.has_trailing,
         header_line=None if guess.header is None else guess.header + 1,
         data_line=guess.data + 1,
-        data_start=_byte_of_line(head, guess.data),
+        data_start=sum(len(line) + 1 for line in head.split(b"\n")[: guess.data]),
         notes=(*notes, *_layout_notes(lines, guess, () if log else unit_row)),
         rate=log.rate if log else None,
     )
@@ -192,13 +192,6 @@ def _refuse_names_above(
             "names; leave out columns, or remove the line",
             code="columns_and_header",
         )
-
-
-def _byte_of_line(head: bytes, line: int) -> int:
-    position = 0
-    for _ in range(line):
-        position = head.index(b"\n", position) + 1
-    return position
 
 
 def _clean_names(cells: Sequence[str]) -> tuple[tuple[str, ...], list[str]]:

@@ -24,7 +24,8 @@ Kind = Stamp | Literal["float", "int", "text"]
 
 # Problems listed per kind; the rest are counted.
 _MAX_LISTED = 10
-_MISSING = ("", "nan", "NaN", "NAN")
+# Texts that stand for a missing number.
+MISSING = ("", "nan", "NaN", "NAN")
 _WHOLE = re.compile(r"[+-]?\d+", re.ASCII)
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
 _EXPECTED = {
@@ -33,11 +34,6 @@ _EXPECTED = {
     "zoned": "an ISO 8601 time such as 2024-05-01T12:00:00.25Z",
     "local": "an ISO 8601 time such as 2024-05-01T12:00:00.25, here without a zone",
 }
-
-
-def missing_tokens(extra: tuple[str, ...] = ()) -> tuple[str, ...]:
-    """Give the texts that stand for a missing number."""
-    return (*_MISSING, *extra)
 
 
 def slow_scan(
@@ -53,7 +49,7 @@ def slow_scan(
         path=body.text.path,
         layout=layout,
         kinds=kinds,
-        missing=frozenset(missing_tokens(missing)),
+        missing=frozenset((*MISSING, *missing)),
     )
     n_rows = 0
     skips: list[int] = []
@@ -77,7 +73,7 @@ def cell_problems(
         cells: Line and text of each.
     """
     layout = Layout(writer="native", delimiter=",", decimal=".", names=(column,))
-    check = _RowCheck(path=path, layout=layout, kinds={}, missing=frozenset(_MISSING))
+    check = _RowCheck(path=path, layout=layout, kinds={}, missing=frozenset(MISSING))
     for line, cell in cells:
         check.cell(line, column, cell=cell, kind="float")
     return check.finish()
@@ -132,7 +128,8 @@ class _RowCheck:
         """Check the number of fields and the needed cells."""
         names = self.layout.names
         n = len(names)
-        if self.layout.header_line is not None and _same(row[:n], names):
+        start = tuple(cell.strip(" \t") for cell in row[:n])
+        if self.layout.header_line is not None and start == names:
             self.add(
                 "repeated_header",
                 line,
@@ -197,10 +194,6 @@ class _RowCheck:
                 more = f"{count - _MAX_LISTED} more of {count} problems {code!r}"
                 found.append(problem(code, f"{more} are not listed", path=self.path))
         return found
-
-
-def _same(row: list[str], names: tuple[str, ...]) -> bool:
-    return [cell.strip(" \t") for cell in row] == list(names)
 
 
 def _shown(cell: str) -> str:
