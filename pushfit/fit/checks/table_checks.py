@@ -11,10 +11,12 @@ from jaxtyping import Bool, Float, Int
 
 from pushfit.config import GraspConfig
 from pushfit.config.schema import Estimate, GraspSection, PushSection
+from pushfit.data.grasp import is_calibrated
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import counted
 from pushfit.fit.checks.model_checking import LEVEL, MIN_TESTED, label
 from pushfit.fit.results import ResultWarning
+from pushfit.parameters import PARAMETERS
 
 # What cannot be right, however well the model describes the heights, by codes.
 WRONG = {
@@ -121,6 +123,14 @@ def settings_warnings(config: GraspConfig, unit: str) -> Iterator[ResultWarning]
             text="the push length was not controlled or not stated, so stiffness is "
             "not quoted; θ_c and α* assume that all pushes were equally long, and "
             "unequal pushes make them wrong",
+        )
+    stiff = [n for n, _ in config.parameters.items() if PARAMETERS[n].is_stiffness]
+    if stiff and not is_calibrated(config, unit):
+        yield ResultWarning(
+            code="sensor_stiffness",
+            text=f"{', '.join(stiff)} in [parameters] count in {unit} for newtons, as "
+            f"the heights are in {unit} and [sensor] does not say what that is in "
+            f"newtons: state n_per_{unit.removesuffix('s')} there if they are SI",
         )
     if config.grasp.preload[1] is None:
         yield ResultWarning(

@@ -91,6 +91,33 @@ def test_a_magnitude_of_the_components_beside_it_is_not_a_third_sensor(
     assert ("counted_twice" in codes(table, settings)) is said
 
 
+@pytest.mark.parametrize(
+    ("unit", "sensor", "known", "said"),
+    [
+        ("counts", "", "K_sn", "K_sn in [parameters] count in counts for newtons"),
+        ("counts", "", "K_sn", "state n_per_count there"),
+        ("counts", "", "C_rr", None),
+        ("counts", "[sensor]\nn_per_count = 0.005\n", "K_sn", None),
+        ("n", "", "K_sn", None),
+    ],
+)
+def test_stiffness_known_in_newtons_needs_a_sensor_that_is(unit, sensor, known, said):
+    table = PeakTable.from_arrays(
+        theta=np.radians([10.0, 30.0, 50.0]),
+        alpha=np.full(3, 0.5),
+        heights={"height": np.array([1.0, 2.0, 3.0])},
+        unit=unit,
+    )
+    settings = config(f"{sensor}[parameters.{known}]\nfixed = 0.5\n")
+    texts = [
+        warning.text
+        for warning in table_warnings(table, settings)
+        if warning.code == "sensor_stiffness"
+    ]
+    assert len(texts) == (said is not None)
+    assert all(said in text for text in texts)
+
+
 def signed(theta_deg, heights, channel="height"):
     """A table of one azimuth."""
     return PeakTable.from_arrays(
