@@ -75,8 +75,9 @@ def fit_rows(identification: Identification) -> list[tuple[str, str]]:
         ("preload", "" if is_preloaded else "taken as 0, as none is stated"),
         (
             "chi-square",
-            f"{format_number(quality.chi_square)} for {quality.degrees_of_freedom} "
-            f"degrees of freedom{_p_value(quality.p_value)}",
+            f"{format_number(quality.chi_square)} for "
+            f"{max(quality.degrees_of_freedom, 0)} degrees of freedom"
+            f"{_p_value(quality.p_value)}",
         ),
         ("R²", f"{quality.r_squared:.4f}" if np.isfinite(quality.r_squared) else ""),
         ("lack of fit", _p_value(quality.lack_of_fit_p_value).strip(", ")),

@@ -201,11 +201,14 @@ def result_warnings(
 def untested(degrees_of_freedom: int) -> Iterator[ResultWarning]:
     """Say so where heights are hardly more than unknowns."""
     if degrees_of_freedom < MIN_TESTED:
+        few = f"exceed unknowns by {degrees_of_freedom} only"
+        if degrees_of_freedom <= 0:
+            few = f"are {'fewer than' if degrees_of_freedom else 'as many as'} unknowns"
         yield ResultWarning(
             code="model_untested",
-            text=f"heights exceed unknowns by {max(degrees_of_freedom, 0)} only, "
-            "which would not show an outlier or a wrong model, and intervals take "
-            "both for absent; push more directions, or each of them twice",
+            text=f"heights {few}, which would not show an outlier or a wrong model, "
+            "and intervals take both for absent; push more directions, or each of "
+            "them twice",
         )
 
 

@@ -194,8 +194,9 @@ def label(table: PeakTable, row: int) -> str:
 
 def _sentence(failed: list[str], r_squared: float, degrees_of_freedom: int) -> str:
     if not failed and degrees_of_freedom < MIN_TESTED:
+        more = "hardly" if degrees_of_freedom > 0 else "no"
         return (
-            "The heights do not speak against the model, but are hardly more than its "
+            f"The heights do not speak against the model, but are {more} more than its "
             "unknowns, and would not show that it is wrong."
         )
     if not failed:

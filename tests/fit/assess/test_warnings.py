@@ -9,6 +9,7 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.warnings import (
     bound_warnings,
     result_warnings,
+    untested,
 )
 from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.problem.setup import build_problem
@@ -72,6 +73,19 @@ def test_an_integral_that_is_not_settled_is_no_solver_that_stopped(monkeypatch):
     assert 'engines "auto" and "emcee"' in texts[0]
     assert "engine" not in FitStatus.NOT_CONVERGED.value
     assert "step limit" not in " ".join(n.text for n in result.warnings)
+
+
+@pytest.mark.parametrize(
+    ("degrees_of_freedom", "said"),
+    [
+        (-2, "heights are fewer than unknowns"),
+        (0, "heights are as many as unknowns"),
+        (1, "heights exceed unknowns by 1 only"),
+    ],
+)
+def test_heights_that_leave_nothing_to_test_are_counted_right(degrees_of_freedom, said):
+    (warning,) = untested(degrees_of_freedom)
+    assert warning.text.startswith(f"{said}, which would not show an outlier")
 
 
 def test_outliers_come_with_what_to_do(found):

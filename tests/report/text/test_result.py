@@ -214,6 +214,20 @@ def test_a_contact_that_never_rolls_has_no_critical_angle(determined):
     assert dict(angle_rows(result))["θ_c"] == "does not exist"
 
 
+@pytest.mark.parametrize(("share", "is_why"), [(0.001, False), (0.2, True)])
+def test_a_few_draws_that_never_roll_are_no_reason(share, is_why, determined):
+    draws = dict(determined.posterior.samples)
+    draws["theta_c"] = np.where(np.arange(2000) < 2000 * share, np.nan, 40.0)
+    theta_c = make_angle("theta_c", None, verdict=Verdict.NOT_DETERMINED)
+    note = f"{share:.1%} of the posterior never rolls"
+    result = replace(
+        determined,
+        posterior=replace(determined.posterior, samples=draws),
+        theta_c=replace(theta_c, interval=None, note=note),
+    )
+    assert (note in sentence_theta_c(result)) is is_why
+
+
 def test_modes_across_the_seam_are_typical_of_their_own_draws(determined):
     rng = np.random.default_rng(1)
     draws = np.append(rng.normal(0.0, 1.0, 1000) % 180, rng.normal(90.0, 1.0, 1000))
