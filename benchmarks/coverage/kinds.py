@@ -1,10 +1,11 @@
-"""How often intervals by the sweep hold the truth, for any kind of problem in tests.
+"""How often intervals and likelihood sets hold the truth, for any kind in the tests.
 
     python -m benchmarks.coverage.kinds [--kind paper] [--tables 1000] [--seed 0]
 
 Truths are drawn from the priors and heights from the model; noise is that of the kind.
-Prints coverage of θ_c and α* beside what binomial scatter allows once in a thousand,
-how many tables needed a fitted mixture or were not to be trusted, and the time.
+Prints coverage of θ_c and α* by intervals of the sweep, and of θ_c by likelihood sets,
+beside what binomial scatter allows once in a thousand, how many tables needed a fitted
+mixture or were not to be trusted, and the time.
 """
 
 import argparse
@@ -14,8 +15,14 @@ import numpy as np
 from scipy import stats
 
 from benchmarks.tables import prior_problems
+from pushfit.fit.coverage import holds
 from pushfit.fit.problem.derived import equal_tailed_interval, samples_mapping
+from pushfit.fit.problem.setup import Setup
+from pushfit.fit.profiles.least_squares import fit_least_squares, settle_noise
+from pushfit.fit.profiles.profile_sets import profile_set
+from pushfit.fit.profiles.profiles import likelihood_profiles
 from pushfit.fit.programs.folder import enable_compile_cache
+from pushfit.fit.results import Piece
 from pushfit.fit.sweep.posterior import N_RETURNED, weighted_draws
 from pushfit.fit.sweep.prior import make_target
 from tests.fit.kinds import KINDS
@@ -36,9 +43,24 @@ def is_inside(interval: tuple[float, float], truth: float, *, is_axis: bool) -> 
     return low <= truth <= high
 
 
+def likelihood_sets(setup: Setup) -> dict[float, tuple[Piece, ...]]:
+    """Those of θ_c at each level, with the noise settled."""
+    setup = settle_noise(setup, ALPHA)
+    fit = fit_least_squares(setup, reference_alpha=ALPHA, throw=False)
+    found = likelihood_profiles(
+        setup,
+        fit,
+        reference_alpha=ALPHA,
+        prob=max(PROBS),
+        reach=REACH,
+        wanted=("theta_c",),
+    )
+    return {prob: profile_set(found["theta_c"], prob) for prob in PROBS}
+
+
 def main() -> None:
-    """Print one line for each angle and level."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    """Print one line for each angle, kind of set and level."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--kind", default="paper", choices=KINDS)
     parser.add_argument("--tables", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0)
@@ -51,6 +73,11 @@ def main() -> None:
     for i, (setup, truth) in enumerate(drawn):
         data = setup.problem
         truths = samples_mapping(data, truth[None], ALPHA, REACH)
+        theta_c = float(truths["theta_c"][0])
+        if np.isfinite(theta_c):
+            for prob, pieces in likelihood_sets(setup).items():
+                held = holds(pieces, theta_c)
+                hits.setdefault(("theta_c, likelihood", prob), []).append(held)
         found = weighted_draws(make_target(data, ALPHA), seed=options.seed + i)
         n_refined += found.n_refinements > 0
         if not found.is_trusted:

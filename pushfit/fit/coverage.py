@@ -231,14 +231,14 @@ def _coverages(
     held = {}
     for usual in PROBS:
         held["interval", usual] = [
-            _holds((equal_tailed_interval(draws, usual, is_axis=is_axis),), truth)
+            holds((equal_tailed_interval(draws, usual, is_axis=is_axis),), truth)
             for result, truth in pairs
             for draws in [result.posterior.samples[name]]
             for is_axis in [name == "alpha_star" and result.config.reach.is_whole]
         ]
     if name in ANGLES:
         held["set", prob] = [
-            _holds(pieces, truth)
+            holds(pieces, truth)
             for result, truth in pairs
             if (pieces := getattr(result, name).sets)
         ]
@@ -250,7 +250,7 @@ def _coverages(
     ]
 
 
-def _holds(pieces: tuple[Piece, ...], truth: float) -> bool:
+def holds(pieces: tuple[Piece, ...], truth: float) -> bool:
     """Whether a set holds a value; an open end holds everything beyond.
 
     That of an axis may go on beyond 180°, where it starts again.
