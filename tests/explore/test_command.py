@@ -127,6 +127,14 @@ def test_of_heights_of_inverted_sign_nothing_is_said_but_the_cure(
     assert ("take heights again with peaks.invert = true" in said.err) is (code == 3)
 
 
+def test_a_column_that_is_not_used_is_said(tmp_path, hard_grasp, capsys):
+    table = pushed(np.linspace(10.0, 80.0, 24), noise=0.02, channels=("height",))
+    path = tmp_path / "peaks.csv"
+    table.frame.assign(preload_n=2.0).to_csv(path, index=False)
+    assert main(["next", str(path), "--config", str(hard_grasp), "--width", "90"]) == 0
+    assert "column preload_n is not used" in " ".join(capsys.readouterr().err.split())
+
+
 @pytest.mark.parametrize(("wave", "code"), [(0.0, 0), (0.1, 3)])
 def test_nothing_is_decided_by_a_model_that_is_not_that_of_the_heights(
     wave, code, tmp_path, hard_grasp, capsys

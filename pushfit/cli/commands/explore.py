@@ -57,9 +57,11 @@ def next(
     with session.progress() as progress:
         with loaded_ahead(analysis) as is_compiled:
             from pushfit.data.tables.peak_table import read_table
+            from pushfit.fit.checks.table_checks import ignored_columns
             from pushfit.report.text.exploration import next_dict, next_text
 
             made = None if table is None else read_table(table)
+            ignored = () if made is None else tuple(ignored_columns(made))
             stages = Stages(names, progress, is_compiled=is_compiled)
             explorer = asked.explorer(
                 settings,
@@ -81,7 +83,7 @@ def next(
             save_figure(exploration_picture(explorer, suggestions), plot)
     if plot is not None:
         session.wrote(plot)
-    session.warn_of(explorer.belief.warnings)
+    session.warn_of((*ignored, *explorer.belief.warnings))
     if json:
         session.print_json(next_dict(explorer, suggestions))
     else:

@@ -153,18 +153,7 @@ def faults_of(table: PeakTable) -> Iterator[ResultWarning]:
         yield ResultWarning(
             code="pushes_excluded", text=f"left out of the fit: {names}"
         )
-    stated = {
-        name: f"{section}.{key}"
-        for name in table.left_out
-        for section, of in SETTINGS.items()
-        if (key := name.strip().lower()) in of.model_fields
-    }
-    for name, key in stated.items():
-        yield ResultWarning(
-            code="column_ignored",
-            text=f"the column {name} is not used: {key} in the settings says it of all "
-            "pushes, and those of another value are another table",
-        )
+    yield from ignored_columns(table)
     yield from _equal_heights(table)
     yield from _inverted(table)
     for row, words in unit_slips(table).items():
@@ -203,6 +192,22 @@ def _few_elevations(table: PeakTable) -> Iterator[ResultWarning]:
         code="few_elevations",
         text=f"{text}; the critical angle needs several on both sides of it",
     )
+
+
+def ignored_columns(table: PeakTable) -> Iterator[ResultWarning]:
+    """Columns of the file that say what only settings can."""
+    stated = {
+        name: f"{section}.{key}"
+        for name in table.left_out
+        for section, of in SETTINGS.items()
+        if (key := name.strip().lower()) in of.model_fields
+    }
+    for name, key in stated.items():
+        yield ResultWarning(
+            code="column_ignored",
+            text=f"the column {name} is not used: {key} in the settings says it of all "
+            "pushes, and those of another value are another table",
+        )
 
 
 def _equal_heights(table: PeakTable) -> Iterator[ResultWarning]:
