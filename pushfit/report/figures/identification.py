@@ -206,8 +206,10 @@ def _angle(identification: Identification, name: str) -> Maker:
         pieces, freedom = profile.pieces, profile.degrees_of_freedom
     modes = [m.theta_c_deg for m in identification.fit.modes if m.theta_c_deg]
     if answer.name == "alpha_star":
+        modes = []
+    if answer.name == "alpha_star" and identification.config.reach.is_whole:
         # Draws, profile and sets of an axis may each start at another azimuth.
-        draws, prior, modes = draws % HALF_TURN, prior % HALF_TURN, []
+        draws, prior = draws % HALF_TURN, prior % HALF_TURN
         pieces = within_half_turn(pieces)
         if curve is not None:
             values = curve[0] % HALF_TURN

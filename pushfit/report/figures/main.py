@@ -4,7 +4,8 @@ The same answers that the text gives are marked, with their whole sets. Excluded
 drawing of sweeps (`pushfit.report.figures.sweeps`).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -118,18 +119,35 @@ def _richest(sweeps: list[Sweep], fixed_deg: float | None) -> list[Sweep]:
 
 def marker_of(answer: AnswerText, identification: Identification) -> Marker:
     """What figures mark of an answer."""
-    estimates, pieces, fixed_deg = answer.values, answer.pieces, None
+    pieces, fixed_deg = answer.pieces, None
     if answer.name == "theta_c":
         fixed_deg = identification.reference_alpha_deg
-    if answer.name == "alpha_star":
-        estimates = tuple(angle % HALF_TURN for angle in estimates)
+    if answer.name == "alpha_star" and identification.config.reach.is_whole:
         pieces = within_half_turn(pieces)
     return Marker(
         name=answer.name,
-        estimates=estimates,
+        estimates=answer.values,
         pieces=pieces,
         text=answer.short,
         fixed_deg=fixed_deg,
+    )
+
+
+def among(marker: Marker, sweeps: Sequence[Sweep]) -> Marker:
+    """α*, which a reach may have turned, beside the azimuths that were pushed."""
+    if marker.name != "alpha_star" or not marker.estimates:
+        return marker
+    pushed = np.concatenate([sweep.angle_deg for sweep in sweeps])
+    gap = max(np.min(pushed) - max(marker.estimates), 0.0)
+    gap += min(np.max(pushed) - min(marker.estimates), 0.0)
+    turn = HALF_TURN * round(gap / HALF_TURN)
+    return replace(
+        marker,
+        estimates=tuple(angle + turn for angle in marker.estimates),
+        pieces=tuple(
+            (low if low is None else low + turn, high if high is None else high + turn)
+            for low, high in marker.pieces
+        ),
     )
 
 
@@ -187,7 +205,7 @@ def main_figure(
             swept=angle,
             channel=channel,
             unit=identification.table.unit,
-            marker=markers[angle],
+            marker=among(markers[angle], sweeps),
             prob=_band_prob(identification),
         )
     return figure
@@ -202,6 +220,7 @@ def sweep_makers(
     for channel in table.channels:
         for swept, answer in ANSWERS.items():
             sweeps = sweeps_of(identification, swept, channel)
+            marker = marker_of(answer(identification), identification)
             if sweeps:
                 makers[f"{swept}{channel.removeprefix('height')}"] = partial(
                     draw[swept],
@@ -209,7 +228,7 @@ def sweep_makers(
                     unit=table.unit,
                     channel=channel,
                     prob=_band_prob(identification),
-                    marker=marker_of(answer(identification), identification),
+                    marker=among(marker, sweeps),
                 )
     return makers
 

@@ -25,6 +25,7 @@ from pushfit.report.figures import (
 )
 from pushfit.report.figures.diagnostics import MAX_STEPS, MAX_TRACES
 from pushfit.report.figures.grasp import RIM
+from pushfit.report.figures.main import among
 from pushfit.report.figures.pairs import EVERYWHERE
 from pushfit.report.figures.recording import marks_of
 from pushfit.report.figures.style import BLUE, SERIES
@@ -222,3 +223,17 @@ def test_a_shape_that_the_data_made_positive_stays_on_a_linear_axis():
     samples = {name: rng.lognormal(0.0, 1.5, 4000) for name in ("e1", "e2")}
     figure = corner_figure(samples, prior, units={})
     assert {axes.get_xscale() for axes in figure.axes} == {"linear"}
+
+
+@pytest.mark.parametrize(
+    ("alpha_deg", "drawn_deg"),
+    [(65.0, 65.0), (-115.0, 65.0), (245.0, 65.0), (170.0, 170.0)],
+)
+def test_an_axis_is_drawn_among_the_azimuths_that_were_pushed(alpha_deg, drawn_deg):
+    """From 0° to 150°; a finger that pushes the other way may be said another turn."""
+    azimuths = replace(sweep_at(0.0, 1.0), angle_deg=np.linspace(0.0, 150.0, 9))
+    ends = (alpha_deg - 2.0, None)
+    marker = Marker(name="alpha_star", estimates=(alpha_deg,), pieces=(ends,))
+    found = among(marker, [azimuths])
+    assert found.estimates == (drawn_deg,)
+    assert found.pieces == ((drawn_deg - 2.0, None),)
