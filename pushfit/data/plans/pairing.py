@@ -28,7 +28,7 @@ _BRIEF = 4.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Paired:
-    """Pushes in the order of the rows of a table.
+    """Pushes in the order of the rows of a table, which is that of the schedule.
 
     Args:
         found: All humps.
@@ -36,8 +36,8 @@ class Paired:
         is_missing: Whether each row has no hump.
         is_excluded: Whether each row was to be in a window that the user leaves out.
         plan: Directions of the rows; None where no schedule was given.
-        schedule: What was given.
-        alignment: Pairs of humps and planned pushes.
+        schedule: What was given, in the order of its times.
+        alignment: Pairs of humps and planned pushes of that order.
     """
 
     found: FoundHumps
@@ -153,13 +153,16 @@ def pair(
             schedule=schedule,
             alignment=None,
         )
+    order = schedule.order
+    schedule = schedule.rows(order)
     alignment = _aligned(found, schedule, span)
     plan = schedule.repeated(alignment.n_cycles)
     left_out = found.beside([found.extents[j] for j in alignment.hump if j >= 0])
     rows, extents, is_excluded = [], [], []
     seen = found.course.time
-    for i, hump in enumerate(alignment.hump.tolist()):
-        when = float(alignment.expected[i])
+    first = schedule.n_pushes * np.arange(alignment.n_cycles)
+    for i in (first[:, None] + np.argsort(order)).ravel().tolist():
+        hump, when = int(alignment.hump[i]), float(alignment.expected[i])
         if hump >= 0:
             extents.append(found.extents[hump])
             is_excluded.append(False)

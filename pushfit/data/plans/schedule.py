@@ -57,6 +57,13 @@ class PushSchedule:
         return bool(np.all(np.diff(self.push) > 0))
 
     @property
+    def order(self) -> Int[np.ndarray, " n"]:
+        """Rows in the order of their times; as they are where these are unknown."""
+        if self.time is None:
+            return np.arange(self.n_pushes)
+        return np.argsort(self.time, kind="stable")
+
+    @property
     def direction(self) -> Int[np.ndarray, " n"]:
         """Which of the directions each push has, in any order."""
         both = np.stack([self.theta, self.alpha], axis=1).round(ANGLE_DECIMALS)
