@@ -1,4 +1,4 @@
-"""Directions of pushes from the angles recorded with them.
+"""Directions of pushes from the angles recorded with them, also beside a plan.
 
 Excluded: directions from a schedule (`pushfit.data.plans.pairing`).
 """
@@ -20,6 +20,8 @@ from pushfit.errors import DataError, counted
 _TOP_SHARE = 0.25
 # Of the samples there, this share is to be within so many degrees of the median.
 _HELD_SHARE, _TURNS_DEG = 0.9, 5.0
+# A recorded direction is another than planned beyond this; of those some are shown.
+_OFF_DEG, _N_SHOWN = 5.0, 3
 
 
 def recorded_directions(
@@ -78,12 +80,9 @@ def turning(
         plan.push, extents, plan.theta, plan.alpha, strict=True
     ):
         top = _top(recording, extent)
-        own = recording.theta[top]
-        cosine = np.sin(own) * np.sin(theta) + np.cos(own) * np.cos(theta) * np.cos(
-            recording.alpha[top] - alpha
+        turns[f"{push}"] = _turned_deg(
+            recording.theta[top], recording.alpha[top], theta, alpha
         )
-        off = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
-        turns[f"{push}"] = float(np.nanquantile(off, _HELD_SHARE))
     turned = [push for push, off in turns.items() if off > _TURNS_DEG]
     if not turned:
         return ()
@@ -93,6 +92,74 @@ def turning(
         "medians, which the table has, while heights are measured; hold the direction, "
         "or state by [noise] theta_sd_deg how far it errs",
     )
+
+
+def off_plan(
+    recording: Recording, extents: Sequence[Extent], plan: PushSchedule
+) -> tuple[str, ...]:
+    """What to say where directions were recorded that are not those of the plan.
+
+    Directions that scatter during a push by as much as they are off tell nothing. An
+    angle that is not recorded is the planned one.
+
+    Args:
+        extents: Pushes that the recording shows.
+        plan: Their directions by the schedule.
+    """
+    shown, most = [], 0.0
+    for push, extent, *planned in zip(
+        plan.push, extents, plan.theta, plan.alpha, strict=True
+    ):
+        top = _top(recording, extent)
+        theta, alpha = (
+            np.array([own]) if angle is None else angle[top]
+            for angle, own in zip(
+                (recording.theta, recording.alpha), planned, strict=True
+            )
+        )
+        own = _median(theta), _circular_median(alpha)
+        off = float(_between_deg(*own, *planned))
+        if off > _OFF_DEG and off > _turned_deg(theta, alpha, *own):
+            shown.append(f"push {push} {_degrees(*planned)} and {_degrees(*own)}")
+            most = max(most, off)
+    if not shown:
+        return ()
+    return (
+        f"the recorded directions of {counted(len(shown), 'push')} are up to "
+        f"{most:.0f}° off those of the schedule, which the table has; planned and "
+        f"recorded (theta, alpha) of {listed(shown, _N_SHOWN)}. Put the rows of the "
+        "schedule in the order in which the pushes were made, or leave it out where "
+        "the recorded directions are right",
+    )
+
+
+def _turned_deg(
+    theta: Float[np.ndarray, " n"],
+    alpha: Float[np.ndarray, " m"],
+    usual_theta: float,
+    usual_alpha: float,
+) -> float:
+    """How far most directions of a push stay from their median [deg]."""
+    off = _between_deg(theta, alpha, usual_theta, usual_alpha)
+    return float(np.nanquantile(off, _HELD_SHARE))
+
+
+def _between_deg(
+    theta: Float[np.ndarray, "*n"] | float,
+    alpha: Float[np.ndarray, "*m"] | float,
+    other_theta: float,
+    other_alpha: float,
+) -> Float[np.ndarray, "*k"]:
+    """Angle between directions and another one [deg]."""
+    cosine = np.sin(theta) * np.sin(other_theta)
+    cosine = cosine + np.cos(theta) * np.cos(other_theta) * np.cos(alpha - other_alpha)
+    return np.asarray(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+
+
+def _degrees(theta: float, alpha: float) -> str:
+    """A direction in words."""
+    theta, alpha = np.degrees([theta, alpha]).round(1) + 0.0
+    return f"({theta:g}, {alpha:g})"
 
 
 def _top(recording: Recording, extent: Extent) -> slice:

@@ -28,7 +28,7 @@ from pushfit.data.peaks.components import (
     signal_name,
     stated_unit,
 )
-from pushfit.data.peaks.directions import recorded_directions, turning
+from pushfit.data.peaks.directions import off_plan, recorded_directions, turning
 from pushfit.data.peaks.heights import Height, measure_heights
 from pushfit.data.peaks.notes import brushes_left_out, extraction_notes
 from pushfit.data.plans.pairing import Paired, pair
@@ -87,11 +87,15 @@ def extract_peaks(
     look = _Look.at(recording, settings)
     recording = look.recording
     paired = look.paired(schedule, span=span)
-    plan, turns = paired.plan, ()
+    plan = paired.plan
     if plan is None:
         n_dips = len(paired.found.dips)
         plan = recorded_directions(recording, paired.chosen, n_dips=n_dips)
-        turns = turning(recording, paired.chosen, plan)
+        doubts = turning(recording, paired.chosen, plan)
+    else:
+        there = np.flatnonzero(~np.array(paired.is_missing, dtype=bool))
+        shown = [paired.chosen[k] for k in there]
+        doubts = off_plan(recording, shown, rows_of(plan, there))
     measured = look.measured(paired)
     frame = pd.DataFrame(
         {
@@ -103,7 +107,7 @@ def extract_peaks(
         }
     )
     notes, cautions = extraction_notes(paired, frame, look.settings, unit=look.unit)
-    cautions = (*recording.cautions, *cautions, *turns)
+    cautions = (*recording.cautions, *cautions, *doubts)
     sources = recording.sources
     if schedule is not None and schedule.source is not None:
         sources = (*sources, schedule.source)

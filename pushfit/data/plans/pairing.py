@@ -154,7 +154,7 @@ def pair(
             alignment=None,
         )
     order = schedule.order
-    schedule = schedule.rows(order)
+    schedule = rows_of(schedule, order)
     alignment = _aligned(found, schedule, span)
     plan = schedule.repeated(alignment.n_cycles)
     left_out = found.beside([found.extents[j] for j in alignment.hump if j >= 0])

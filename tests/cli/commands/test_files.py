@@ -72,3 +72,64 @@ def test_times_place_pushes_whatever_the_order_of_the_rows(
     assert np.abs(pulls).max() < MAX_Z
     is_missing = found["flags"] == "missing"
     np.testing.assert_array_equal(is_missing, order == lost)
+
+
+def told(capsys, *arguments: str) -> str:
+    assert main(["peaks", *arguments]) == 0
+    return capsys.readouterr().err
+
+
+IN_ORDER = PLAN.iloc[MADE].drop(columns="time_s")
+THETA, ALPHA = IN_ORDER["theta_deg"].to_numpy(), IN_ORDER["alpha_deg"].to_numpy()
+
+
+def test_a_plan_that_recorded_angles_contradict_is_told_with_both(tmp_path, capsys):
+    """The rows are sorted by theta, and without times: 6 was not made sixth."""
+    own = recorded(tmp_path, theta_deg=THETA, alpha_deg=ALPHA)
+    sorted_by_theta = PLAN.drop(columns="time_s")
+    said = told(capsys, own, "-s", written(tmp_path, sorted_by_theta))
+    # Planned 60 is made with 20, the farthest of all.
+    assert "directions of 5 pushes are up to 40° off those of the schedule" in said
+    assert "push 1 (10, 90) and (40, 90), push 2 (20, 90) and (30, 90)" in said
+    assert "and 2 more. Put the rows" in said
+    assert "push 5" not in said
+
+
+ODD = np.array([0, 0, 20.0, 0, 0, 0])
+HIDDEN = np.where(ODD > 0, np.nan, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("angles", "is_told"),
+    [
+        ({}, False),
+        ({"theta_deg": THETA + 4, "alpha_deg": ALPHA - 360}, False),
+        ({"theta_deg": THETA + 6, "alpha_deg": ALPHA}, True),
+        ({"theta_deg": THETA, "alpha_deg": ALPHA + ODD}, True),
+        ({"theta_deg": THETA + HIDDEN, "alpha_deg": ALPHA + ODD}, False),
+        ({"theta_deg": THETA}, False),
+        ({"theta_deg": THETA + ODD}, True),
+        ({"alpha_deg": ALPHA + ODD}, True),
+    ],
+)
+def test_recorded_angles_speak_as_far_as_they_are_there(
+    angles, is_told, tmp_path, capsys
+):
+    plan, config = written(tmp_path, IN_ORDER), tmp_path / "grasp.toml"
+    config.write_text('[recording]\ngaps = "split"\n')
+    own = recorded(tmp_path, **angles)
+    said = told(capsys, own, "-s", plan, "-c", str(config))
+    assert ("off those of the schedule" in said) is is_told
+
+
+def test_recorded_angles_that_scatter_by_what_they_are_off_do_not_speak(
+    tmp_path, capsys
+):
+    """A tracker errs by 8° with a scatter of 10°: 90 % are within 1.6 of that."""
+    path = Path(recorded(tmp_path, theta_deg=THETA + 8.0, alpha_deg=ALPHA))
+    plan, frame = written(tmp_path, IN_ORDER), pd.read_csv(path)
+    assert "off those of the schedule" in told(capsys, str(path), "-s", plan)
+    noise = 10.0 * np.random.default_rng(4).standard_normal(len(frame))
+    frame["theta_deg"] = np.minimum(frame["theta_deg"] + noise, 90.0)
+    frame.to_csv(path, index=False)
+    assert "off those of the schedule" not in told(capsys, str(path), "-s", plan)
