@@ -263,17 +263,26 @@ def _doubtful(
     """Names that look like a slip, and columns that a table cannot do without."""
     have = ", ".join([*(c.given for c in found.values()), *left_out])
     meant = set(found)
+    stem_of = {_sorted_words(stem): stem for stem in known}
     for given, name in left_out.items():
-        near = difflib.get_close_matches(name, list(known), n=1, cutoff=ALIKE)
-        if near and near[0] not in meant:
-            meant.add(near[0])
-            text = f"is not known here; did you mean {_full_names(near[0], known)}?"
+        near = difflib.get_close_matches(
+            _sorted_words(name), list(stem_of), n=1, cutoff=ALIKE
+        )
+        stem = stem_of[near[0]] if near else None
+        if stem and stem not in meant:
+            meant.add(stem)
+            text = f"is not known here; did you mean {_full_names(stem, known)}?"
             yield origin.problem("near_miss_column", text, column=given, value=given)
     for stems in (*((stem,) for stem in ANGLES), any_of):
         if stems and not meant.intersection(stems):
             text = f"is missing; the columns are {have}; add it or rename one"
             wanted = _full_names(stems[0], known)
             yield origin.problem("missing_column", text, column=wanted, value=have)
+
+
+def _sorted_words(name: str) -> str:
+    """A name whose words may be in any order, as `height_sd_normal`."""
+    return "_".join(sorted(name.split("_")))
 
 
 def _full_names(stem: str, known: Known) -> str:

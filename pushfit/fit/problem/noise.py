@@ -125,9 +125,10 @@ def _of_each(
     is_uneven = any(angle_sd) or height_share != 0
     warnings: tuple[ResultWarning, ...] = ()
     if choice == "given" and sds is None:
+        columns = " and ".join(f"{name}_sd_{table.unit}" for name in table.channels)
         raise ConfigError(
-            '[noise] sigma = "given", but the table lacks a height_sd_ column for '
-            'every channel; add the columns or set sigma = "auto"',
+            f'[noise] sigma = "given", but the table lacks {columns}; add what is '
+            'missing or set sigma = "auto"',
             code="no_given_sigma",
         )
     if choice == "auto" and sds is not None:

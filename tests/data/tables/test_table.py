@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from pushfit.atomic import atomic_path
+from pushfit.cli.app import main
 from pushfit.data.check import file_kind
 from pushfit.data.tables.grasps import is_long_table, read_tables
 from pushfit.data.tables.peak_table import PeakTable, read_table, write_table
@@ -194,6 +195,17 @@ def test_near_misses_are_asked_about(tmp_path, header, found, meant):
     assert error.code == "near_miss_column"
     assert f"column {found}" in str(error)
     assert f"did you mean {meant}" in str(error)
+
+
+@pytest.mark.parametrize(
+    "given", ["height_sd_normal_n", "height_std_normal_n", "sd_height_normal_n"]
+)
+def test_a_standard_deviation_of_a_component_is_asked_about(tmp_path, given, capsys):
+    columns = f"theta_deg,alpha_deg,height_normal_n,height_tangential_n,{given}"
+    path = written(tmp_path, f"{columns}\n15,90,1.0,2.0,0.1\n30,90,2.0,1.0,0.1\n")
+    assert main(["fit", str(path)]) == 3
+    said = capsys.readouterr().err
+    assert f"column {given}: is not known here; did you mean height_normal_sd_n" in said
 
 
 BAD_CELLS = [

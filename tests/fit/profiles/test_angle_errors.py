@@ -297,7 +297,7 @@ def test_shared_errors_need_noise_that_is_known():
     # What was settled can be fitted again.
     again = fit_table(thrice, pooled.config)
     np.testing.assert_array_equal(again.fit.estimate, pooled.fit.estimate)
-    with pytest.raises(ConfigError, match="height_sd_ columns"):
+    with pytest.raises(ConfigError, match="add the column height_sd_n,"):
         fit_table(twice, config(text))
     asked = fit_table(
         twice, config(text.replace("[noise]", '[noise]\nsigma = "pooled"'))

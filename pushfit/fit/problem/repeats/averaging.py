@@ -47,7 +47,7 @@ def averaged(table: PeakTable, sigma: str) -> PeakTable:
         sd = table.sd(channel)
         if sd is None or sigma == "pooled":
             scatter, dof = table.pooled_sd(channel)
-            _check_known(dof, sigma)
+            _check_known(dof, sigma, column=f"{channel}_sd_{table.unit}")
             sd = np.full(table.n_pushes, scatter)
         heights, weight = table.heights(channel).copy(), sd[used] ** -2.0
         total = np.bincount(direction, weight)
@@ -70,12 +70,12 @@ def averaging_warning(before: PeakTable, after: PeakTable) -> ResultWarning:
     )
 
 
-def _check_known(dof: int, sigma: str) -> None:
+def _check_known(dof: int, sigma: str, *, column: str) -> None:
     """Refuse a scatter that hardly any repeat tells, unless it was asked for."""
     if dof < MIN_POOLED_DOF and sigma != "pooled":
         raise ConfigError(
             f'[noise] angle_errors = "shared" needs the noise of heights: {dof} '
-            f"repeats beyond the first are fewer than {MIN_POOLED_DOF}; add "
-            'height_sd_ columns, or take their scatter as known by sigma = "pooled"',
+            f"repeats beyond the first are fewer than {MIN_POOLED_DOF}; add the "
+            f'column {column}, or take their scatter as known by sigma = "pooled"',
             code="no_given_sigma",
         )
