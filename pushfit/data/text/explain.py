@@ -176,7 +176,7 @@ class _RowCheck:
         if _INFINITE.fullmatch(cell) or (
             kind == "float" and is_good and math.isinf(float(cell.replace(",", ".")))
         ):
-            text = f"{shown} is not finite; mend the cell, or leave it blank if missing"
+            text = f"{shown} is not finite; mend the cell or remove the row"
             self.add("not_finite", line, text, column=column, value=cell)
         elif not is_good:
             what = "time" if kind in STAMPS else "number"

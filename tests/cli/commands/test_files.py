@@ -1,4 +1,4 @@
-"""What `peaks` reads from recordings with known pushes, and what it says of them.
+"""What `peaks` and `validate` read from files of known content, and say of them.
 
 Excluded: what is written where (`tests.cli.test_output`).
 """
@@ -133,3 +133,15 @@ def test_recorded_angles_that_scatter_by_what_they_are_off_do_not_speak(
     frame["theta_deg"] = np.minimum(frame["theta_deg"] + noise, 90.0)
     frame.to_csv(path, index=False)
     assert "off those of the schedule" not in told(capsys, str(path), "-s", plan)
+
+
+@pytest.mark.parametrize("cell", ["inf", "1e999", ""])
+def test_a_height_that_is_no_number_is_cured_by_what_is_said(cell, tmp_path, capsys):
+    path = tmp_path / "peaks.csv"
+    lines = ["theta_deg,alpha_deg,height_n", f"10,90,{cell}", "20,90,0.6", "30,90,0.5"]
+    path.write_text("\n".join(lines))
+    assert main(["validate", str(path)]) == 3
+    said = capsys.readouterr().err
+    assert said.strip().endswith("or remove the row")
+    path.write_text("\n".join(lines[:1] + lines[2:]))
+    assert main(["validate", str(path)]) == 0
