@@ -191,7 +191,10 @@ def parse_unit(text: str) -> Unit:
     unit = find_unit(text)
     if unit is None:
         known = [unit.name for unit in UNITS.values()]
-        hint = did_you_mean(text.lower(), known)
+        # One that differs by its prefix is another unit, thousands of times off.
+        is_prefixed = find_unit(text.strip()[1:]) is not None
+        hint = "; convert to one of these"
+        hint = hint if is_prefixed else did_you_mean(text.lower(), known)
         raise ConfigError(
             f"unit {text!r} is not known; known here: {', '.join(known)}, and volts "
             f"with their gain, such as 500mN/V or N/mV{hint}",

@@ -93,6 +93,14 @@ def test_an_unknown_unit_names_the_nearest():
     assert caught.value.code == "unknown_unit"
 
 
+@pytest.mark.parametrize("unit", ["kN", "MPa", "hPa", "ks"])
+def test_a_unit_with_a_prefix_is_never_one_without(unit):
+    with pytest.raises(ConfigError) as caught:
+        parse_unit(unit)
+    assert "did you mean" not in str(caught.value)
+    assert str(caught.value).endswith("convert to one of these")
+
+
 def test_the_biotac_constant_says_where_it_comes_from():
     assert BIOTAC_PDC.factor == 0.0365
     assert (BIOTAC_PDC.source_unit, BIOTAC_PDC.target_unit) == ("counts", "kpa")

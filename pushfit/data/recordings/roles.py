@@ -150,7 +150,7 @@ def assign_roles(
     if not channels and not any(p.code == "missing_column" for p in columns.problems):
         signals = [name for name in ignored if not NO_SIGNAL.search(name.lower())]
         first = signals[0] if signals else "pdc"
-        channel, unit, how = "pressure", "counts", ""
+        (channel, unit), how = _example(first), ""
         # A volt is no unit of a push, until a gain makes one of it.
         if first in columns.position and columns.volts(columns.position[first]):
             channel, unit, how = "force", "500mN/V", ", with the gain of the sensor"
@@ -158,7 +158,8 @@ def assign_roles(
             "no_channel",
             f"no column states a signal unit: {listed(columns.names)}; rename one, "
             "such as pressure_kpa, or state "
-            f"{stated(mapping={channel: first}, units={channel: unit})}{how}",
+            f"{stated(mapping={channel: first}, units={channel: unit})}{how}"
+            f"{_if_in(unit, 'signal')}",
         )
     if columns.problems:
         raise data_error(columns.problems)
@@ -334,7 +335,9 @@ def _channels(columns: _Columns, taken: set[int]) -> list[Role]:
         if i in mapped:
             stem, key = mapped[i]
             unit = columns.unit(i, stem, key)
-            role = _checked(columns, stem, i, unit, "signal", "counts")
+            role = _checked(
+                columns, stem, i, unit, "signal", _example(f"{stem} {name}")[1]
+            )
         else:
             unit = columns.unit(i)
             if unit is None or unit.quantity != "signal":
@@ -365,14 +368,24 @@ def _checked(
     name = columns.names[i]
     if unit is not None and unit.quantity == quantity:
         return Role(name=role, columns=(i,), unit=unit)
-    allowed = ", ".join(units_of(quantity))
     found = (
         "states no unit" if unit is None else f"is in {unit.name}, no {quantity} unit"
     )
     columns.add(
         "missing_unit" if unit is None else "wrong_unit",
         f"{found}; rename it to {split_unit(name)[0]}_{example}, or state "
-        f"{stated(units={role: example})} ({allowed})",
+        f"{stated(units={role: example})}{_if_in(example, quantity)}",
         column=name,
     )
     return None
+
+
+def _example(name: str) -> tuple[str, str]:
+    """A channel and a unit that samples may have, by what they are called."""
+    return ("force", "n") if "force" in name.lower() else ("pressure", "counts")
+
+
+def _if_in(unit: str, quantity: Dimension) -> str:
+    """End of an example: its unit is but one of those that may be meant."""
+    known = listed(units_of(quantity))
+    return f" (if it is in {unit}; known are {known}: convert others)"

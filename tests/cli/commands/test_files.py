@@ -145,3 +145,28 @@ def test_a_height_that_is_no_number_is_cured_by_what_is_said(cell, tmp_path, cap
     assert said.strip().endswith("or remove the row")
     path.write_text("\n".join(lines[:1] + lines[2:]))
     assert main(["validate", str(path)]) == 0
+
+
+@pytest.mark.parametrize(
+    ("column", "advice"),
+    [
+        (
+            "force_kN",
+            "--map force=force_kN --unit force=n (if it is in n; known are n, mn,",
+        ),
+        ("Force", "--map force=Force --unit force=n (if it is in n; known are n, mn,"),
+        ("pdc", "--map pressure=pdc --unit pressure=counts (if it is in counts;"),
+    ],
+)
+def test_a_unit_is_an_example_and_of_what_the_column_is_called(
+    column, advice, tmp_path, capsys
+):
+    path = tmp_path / "rec.csv"
+    path.write_text(f"time_s,{column}\n0,1\n1,2\n")
+    assert main(["peaks", str(path)]) == 3
+    assert advice in capsys.readouterr().err
+    mapped = ["--map", f"force={column}"]
+    assert main(["peaks", str(path), *mapped]) == 3
+    assert "state --unit force=n (if it is in n;" in capsys.readouterr().err
+    assert main(["peaks", str(path), *mapped, "--unit", "force=kN"]) in (2, 3)
+    assert capsys.readouterr().err.strip().endswith("N/mV; convert to one of these")

@@ -16,7 +16,7 @@ from tests.data.recordings.makers import GOOD, refusal
 
 def test_a_clock_is_no_example_of_a_signal(write):
     error = refusal(write("t,force\n0,1\n1,2\n2,1\n"))
-    assert "`mapping={'pressure': 'force'}, " in "".join(
+    assert "`mapping={'force': 'force'}, units={'force': 'n'}`" in "".join(
         p.message for p in error.problems
     )
 
