@@ -64,6 +64,13 @@ def table_warnings(table: PeakTable, config: GraspConfig) -> Iterator[ResultWarn
     for warning in faults_of(table):
         if not (may_tip and warning.code == "inverted_heights"):
             yield warning
+    is_missing = any("missing" in flags for flags in table.flags)
+    if config.peaks.use_missing and is_missing and not table.traces:
+        yield ResultWarning(
+            code="setting_ignored",
+            text="peaks.use_missing comes too late for a table: missing pushes are "
+            "taken in where heights are measured, by `pushfit peaks` with that setting",
+        )
 
 
 def _may_tip(table: PeakTable, config: GraspConfig) -> bool:

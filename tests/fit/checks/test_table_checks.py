@@ -7,8 +7,10 @@ import pandas as pd
 import pytest
 
 from pushfit.config import GraspConfig, parse_config
+from pushfit.data.peaks.extract import extract_peaks
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.checks.table_checks import follows_elevation, table_warnings
+from tests.data.peaks.sweeps import simulated
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
 
@@ -182,6 +184,30 @@ def test_heights_of_two_definitions_in_one_fit_are_said(is_mixed):
     stated = type(table).from_frame(table.frame.assign(definition=definitions))
     codes = [warning.code for warning in table_warnings(stated, config())]
     assert ("mixed_definitions" in codes) is is_mixed
+
+
+@pytest.mark.parametrize("flag", ["missing", "gap"])
+@pytest.mark.parametrize("use_missing", [True, False])
+def test_that_missing_pushes_of_a_table_stay_out_is_said(flag, use_missing):
+    settings = parse_config(
+        f"[peaks]\nuse_missing = {str(use_missing).lower()}", path="grasp.toml"
+    )
+    table = case_table(CASES["paper"]).with_flag([3], flag)
+    is_said = flag == "missing" and use_missing
+    assert ("setting_ignored" in codes(table, settings)) is is_said
+
+
+def test_missing_pushes_that_were_left_out_on_purpose_are_not_told_to_be_late():
+    """What is measured here knows of the setting, and keeps those of `exclude` out."""
+    made = simulated()
+    third = made.t_peak[2]
+    settings = parse_config(
+        f"[peaks]\nuse_missing = true\nexclude = [[{third - 1}, {third + 1}]]",
+        path="grasp.toml",
+    )
+    table = extract_peaks(made.recording, made.schedule, settings=settings.peaks)
+    assert "missing" in table.flags[2]
+    assert "setting_ignored" not in codes(table, settings)
 
 
 def test_a_push_that_is_left_out_mixes_nothing():
