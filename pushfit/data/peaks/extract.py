@@ -223,9 +223,12 @@ class _Look:
         except DataError as error:
             files = ", ".join(source.path for source in self.recording.sources)
             message = f"{files}: {error}" if files else str(error)
+            # What a wrong unit of the time makes of the pushes looks like none.
+            told = list(self.recording.cautions)
             if error.code == "push_mismatch":
                 # One of them may be what a plan is found to lack.
-                message = "; ".join([message, *brushes_left_out(paired, self.unit)])
+                told += brushes_left_out(paired, self.unit)
+            message = "; ".join([message, *told])
             raise DataError(message, code=error.code, problems=error.problems) from None
         return paired
 

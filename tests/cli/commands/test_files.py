@@ -170,3 +170,14 @@ def test_a_unit_is_an_example_and_of_what_the_column_is_called(
     assert "state --unit force=n (if it is in n;" in capsys.readouterr().err
     assert main(["peaks", str(path), *mapped, "--unit", "force=kN"]) in (2, 3)
     assert capsys.readouterr().err.strip().endswith("N/mV; convert to one of these")
+
+
+def test_what_is_odd_of_the_times_is_said_where_a_recording_is_refused(
+    tmp_path, capsys
+):
+    path = Path(recorded(tmp_path))
+    path.write_text(path.read_text().replace("time_s", "time_ms"))
+    assert main(["peaks", str(path), "-s", written(tmp_path, PLAN)]) == 3
+    said = capsys.readouterr().err
+    assert "error: " in said
+    assert "if times are in s and not in ms, name their column so, as time_s" in said
