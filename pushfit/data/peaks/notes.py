@@ -73,10 +73,12 @@ def _rests(paired: Paired, frame: pd.DataFrame) -> list[str]:
     if len(held) in (0, len(shown)):
         return []
     shares = [100 * paired.chosen[k].contact for k in held]
+    least, most = f"{min(shares):.0f}", f"{max(shares):.0f}"
+    level = most if least == most else f"{least} to {most}"
     pushes = listed([str(frame["push"].iloc[k]) for k in held])
     return [
-        f"mixed rests: a level of {min(shares):.0f} to {max(shares):.0f} % of the "
-        f"height is held on the way up by push {pushes}, measured from the rest before "
+        f"mixed rests: a level of {level} % of the height "
+        f"is held on the way up by push {pushes}, measured from the rest before "
         "it; the others are measured from the level that they rise from. "
         "If a finger touches first, let it touch as lightly before all pushes, or "
         f"leave these out, as by {stated(exclude=[paired.chosen[held[0]].window])}"

@@ -55,7 +55,7 @@ def mismatch_error(
     n_found = plan.n_pushes - len(pairs.missing) + len(pairs.extra)
     where = f" in {path}" if path else ""
     if pairs.n_cycles > 1:
-        where += f", run through {pairs.n_cycles} times,"
+        where += f", run through {pairs.n_cycles} times"
     verb = "is" if plan.n_pushes == 1 else "are"
     return DataError(
         f"{counted(plan.n_pushes, 'push')} {verb} planned{where}, {n_found} found: "

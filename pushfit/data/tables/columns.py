@@ -166,6 +166,7 @@ class Columns:
         unit: Unit of the signals, None where the table has none.
         notes: What was left out or filled in.
         left_out: Columns that are not used.
+        given: Column of the user's by its canonical name, as far as there is one.
         in_degrees: Column of each angle that states degrees.
     """
 
@@ -173,6 +174,7 @@ class Columns:
     unit: str | None
     notes: tuple[str, ...]
     left_out: tuple[str, ...]
+    given: Mapping[str, str]
     in_degrees: Mapping[str, str]
 
 
@@ -201,6 +203,9 @@ def read_columns(
     found, left_out = _recognise(raw, known, origin, any_of)
     unit = _common_unit(found, origin)
     frame = _convert(raw, found, unit=unit, origin=origin)
+    given = dict(
+        zip(frame.columns, (column.given for column in found.values()), strict=True)
+    )
     notes = _number(frame, origin)
     if left_out:
         notes.append(f"columns not used: {', '.join(left_out)}")
@@ -212,6 +217,7 @@ def read_columns(
         unit=unit,
         notes=tuple(notes),
         left_out=tuple(left_out),
+        given=given,
         in_degrees=in_degrees,
     )
 

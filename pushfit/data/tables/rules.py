@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from pushfit.data.recordings.recognise import ANGLES
 from pushfit.data.tables.columns import COMMON, Columns, Known, Origin, read_columns
 from pushfit.data.text.faults import data_error, listed
 from pushfit.data.units import UNITS, implausible_angles
@@ -185,7 +186,7 @@ def check_columns(
     try:
         schema.validate(columns.frame, lazy=True)
     except pa.errors.SchemaErrors as error:
-        raise data_error(_in_words(error.failure_cases, origin)) from error
+        raise data_error(_in_words(error.failure_cases, columns, origin)) from error
     degrees = {
         stem: (columns.frame[f"{stem}_deg"].to_numpy(), UNITS["deg"])
         for stem in columns.in_degrees
@@ -227,19 +228,30 @@ _REASONS = {
 }
 
 
-def _in_words(cases: pd.DataFrame, origin: Origin) -> list[InputProblem]:
+def _in_words(
+    cases: pd.DataFrame, columns: Columns, origin: Origin
+) -> list[InputProblem]:
     """Failures of a schema in the order of the rows."""
     problems = []
     for case in cases.sort_values("index", kind="stable").to_dict("records"):
         code, rule = _REASONS[str(case["check"])]
         value = case["failure_case"]
         shown = f"{value:g}" if isinstance(value, float) else repr(value)
+        column = str(case["column"])
+        stem = column.removesuffix("_deg")
+        if (
+            code.endswith("_range")
+            and stem in ANGLES
+            and stem not in columns.in_degrees
+        ):
+            shown = f"{np.radians(value):g} rad = {shown}°"
+            rule += f"; name a column of degrees {column}"
         problems.append(
             origin.problem(
                 code,
                 f"{shown} {rule}",
                 row=int(case["index"]),
-                column=str(case["column"]),
+                column=columns.given.get(column, column),
                 value=str(value),
             )
         )

@@ -181,3 +181,17 @@ def test_what_is_odd_of_the_times_is_said_where_a_recording_is_refused(
     said = capsys.readouterr().err
     assert "error: " in said
     assert "if times are in s and not in ms, name their column so, as time_s" in said
+
+
+@pytest.mark.parametrize("column", ["theta_rad", "Theta (rad)"])
+def test_an_angle_beyond_its_range_is_named_as_the_file_has_it(
+    column, tmp_path, capsys
+):
+    path = tmp_path / "peaks.csv"
+    path.write_text(f"{column},alpha_rad,height_n\n10,1.57,0.5\n1.2,1.57,0.6\n")
+    assert main(["validate", str(path)]) == 3
+    said = capsys.readouterr().err
+    assert f"line 2, column {column}: 10 rad = 572.958° is outside [-90, 90]" in said
+    assert "name a column of degrees theta_deg" in said
+    assert "theta_deg:" not in said
+    assert "line 3" not in said

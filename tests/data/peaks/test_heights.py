@@ -317,6 +317,14 @@ def test_pushes_on_a_firm_touch_are_named_where_others_are_measured_from_it():
     assert base.tolist() == [22, 22, 20, 22, 20, 22]
 
 
+def test_a_firm_touch_before_one_push_has_one_level():
+    recording = touched(2.0, [20.0, 30.0, 7.0, 26.0, 20.0, 22.0], seconds=1.0)
+    cautions = measure_pushes(recording).cautions
+    (caution,) = (c for c in cautions if c.startswith("mixed rests"))
+    # 22 % of what it reaches, more of what is smoothed.
+    assert "a level of 23 % of the height is held on the way up by push 3," in caution
+
+
 # Twice the noise, and a fifth of the shallowest dip that a rest may be taken from.
 AT_REST = 0.02
 COURSES = {

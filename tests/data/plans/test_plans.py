@@ -345,6 +345,11 @@ def told(n_planned: int, n_found: int) -> str:
     return str(mismatch_error(schedule, found, extents))
 
 
+def test_how_often_a_recording_runs_through_its_plan_is_said_between_commas():
+    """Of three runs of six the last push was not made."""
+    assert "18 pushes are planned, run through 3 times, 17 found: " in told(6, 17)
+
+
 @pytest.mark.parametrize("is_timed", [False, True])
 @pytest.mark.parametrize("off", [-0.17, 0.17])
 def test_a_push_off_its_beat_is_not_both_missing_and_a_hump_too_many(off, is_timed):
