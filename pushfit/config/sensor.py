@@ -3,6 +3,7 @@
 Excluded: units of samples and their conversion (`pushfit.data.units`).
 """
 
+import math
 from collections.abc import Sequence
 
 from pydantic import model_validator
@@ -10,6 +11,8 @@ from pydantic import model_validator
 from pushfit.config.section import Positive, Section, setting
 
 SINGULAR = {"count": "counts"}
+# Factors that are stated by two digits, as 7.3 and 0.137, are the same within this.
+_ROUNDED = 0.05
 
 
 class SensorSection(Section):
@@ -33,10 +36,18 @@ class SensorSection(Section):
     def check_no_contradiction(self) -> "SensorSection":
         """Refuse a factor that follows from the others, or contradicts them."""
         given = self._factors()
-        for name, (source, target, _) in given.items():
+        for name, (source, target, stated) in given.items():
             others = [step for key, step in given.items() if key != name]
-            if _convert(others, source).get(target) is not None:
+            other = _convert(others, source).get(target)
+            if other is None:
+                continue
+            if math.isclose(stated, other, rel_tol=_ROUNDED):
                 raise ValueError(f"{name} follows from the other factors; remove it")
+            rest = ", ".join(key for key in given if key != name)
+            raise ValueError(
+                f"{name} = {stated:g} contradicts {rest}, by which it is {other:.4g}; "
+                "find out which is wrong and remove it"
+            )
         return self
 
     def factor(self, source: str, target: str) -> float | None:

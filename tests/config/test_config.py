@@ -174,6 +174,18 @@ def test_every_example_of_the_template_is_valid(section, line):
             "[sensor]\nn_per_kpa = 1\nkpa_per_count = 1\ncounts_per_n = 1",
             "follows from the other factors; remove it",
         ),
+        (
+            "[sensor]\nkpa_per_n = 7.3\nn_per_kpa = 0.137",
+            "kpa_per_n follows from the other factors; remove it",
+        ),
+        (
+            "[sensor]\ncounts_per_n = 200.0\nn_per_count = 0.01",
+            "counts_per_n = 200 contradicts n_per_count, by which it is 100; find out",
+        ),
+        (
+            "[sensor]\nn_per_kpa = 2\nkpa_per_count = 5\ncounts_per_n = 1",
+            "counts_per_n = 1 contradicts n_per_kpa, kpa_per_count, by which it is 0.1",
+        ),
         ("[push\n", "not valid TOML:"),
         ("a = 1\na = 2\n", "line 2"),
     ],
