@@ -28,7 +28,7 @@ from pushfit.cli.wording import flags_of, in_options
 from pushfit.data.text.files import existing_files
 from pushfit.errors import ConfigError, PushfitError
 from pushfit.fit.programs.folder import enable_compile_cache
-from pushfit.report.store.output_folder import refuse_inputs
+from pushfit.report.store.output_folder import refuse_inputs, refuse_twice
 
 if TYPE_CHECKING:
     from pushfit.fit.results import ResultWarning
@@ -216,6 +216,7 @@ def command(
                 # Said at once, before what reads them is loaded.
                 existing_files(inputs)
                 outputs = _paths(arguments, KEPT_UP)
+                refuse_twice([*outputs, *_paths(arguments, OUTPUTS)])
                 if arguments.get("force"):
                     inputs += _paths(arguments, RESULTS)
                     outputs += _paths(arguments, OUTPUTS)

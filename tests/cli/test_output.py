@@ -1,10 +1,12 @@
 """What results will lack is said before the work."""
 
+import shutil
 from pathlib import Path
 
 import pytest
 
 from pushfit.cli import main
+from tests.cli.test_app import EXAMPLE
 
 
 @pytest.mark.parametrize(
@@ -62,3 +64,27 @@ def test_what_no_file_can_be_called_is_refused_as_one(
     assert main(["peaks", "samples.csv", "-o", name, *force]) == 2
     assert said in capsys.readouterr().err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["folder", "samples.csv"]
+
+
+@pytest.mark.parametrize("force", [[], ["--force"]])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["peaks", "samples.csv", "-o", "o.png", "--plot", "o.png"],
+        ["peaks", "samples.csv", "-o", "here/../o.png", "--plot", "o.png"],
+        ["peaks", "samples.csv", "-o", "link.png", "--plot", "here/o.png"],
+        ["fit", "samples.csv", "--out", "o", "--checkpoint", "o"],
+        ["look", "samples.csv", "--out", "o", "--export", "o"],
+    ],
+)
+def test_no_output_takes_the_place_of_another(
+    words, force, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    Path("here").mkdir()
+    Path("link.png").symlink_to("here/o.png")
+    shutil.copy(EXAMPLE / "theta_sweep.csv", "samples.csv")
+    there = sorted(tmp_path.rglob("*"))
+    assert main([*words, *force]) == 2
+    assert "one would replace the other" in capsys.readouterr().err
+    assert sorted(tmp_path.rglob("*")) == there

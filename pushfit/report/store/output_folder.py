@@ -3,7 +3,8 @@
 Excluded: writing them (`pushfit.report.store.folder`).
 """
 
-from collections.abc import Iterable
+import itertools
+from collections.abc import Iterable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -61,6 +62,21 @@ def refuse_inputs(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
                 f"{path}: this command reads it, and inputs are never replaced, not "
                 "even by `force=True`; name another",
                 code="output_is_input",
+            )
+
+
+def refuse_twice(outputs: Sequence[Path]) -> None:
+    """Protect one output of a command from another, even from --force.
+
+    Raises:
+        ConfigError: Two have the same name, or lead to the same place.
+    """
+    for one, other in itertools.combinations(outputs, 2):
+        if one.resolve() == other.resolve() and not is_stream(one):
+            raise ConfigError(
+                f"{other}: two outputs of this command go there, and one would replace "
+                "the other; name another for one of them",
+                code="output_twice",
             )
 
 
