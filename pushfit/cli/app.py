@@ -4,6 +4,7 @@ Excluded: the commands (`pushfit.cli.commands`) and what they share
 (`pushfit.cli.session`).
 """
 
+import sys
 from collections.abc import Sequence
 from typing import Annotated
 
@@ -23,7 +24,7 @@ from pushfit.cli.commands import (
     verify,
     watch,
 )
-from pushfit.cli.session import command
+from pushfit.cli.session import CommandSession, command, say_no_more
 from pushfit.cli.stop import stoppable
 
 app = typer.Typer(
@@ -91,5 +92,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with stoppable():
             app(args=arguments, prog_name="pushfit")
     except SystemExit as stop:
-        return stop.code if isinstance(stop.code, int) else int(stop.code is not None)
+        words = sys.argv[1:] if arguments is None else arguments
+        return _ended(stop, is_json="--json" in words)
+    except BrokenPipeError:
+        return say_no_more()
     return 0
+
+
+def _ended(stop: SystemExit, *, is_json: bool) -> int:
+    """Exit code; of words that typer did not understand, with the document for it."""
+    code = stop.code if isinstance(stop.code, int) else int(stop.code is not None)
+    if isinstance(stop.__context__, BrokenPipeError):
+        return say_no_more()
+    # That of what typer raises, a class without a public name.
+    message = getattr(stop.__context__, "format_message", None)
+    if not is_json or message is None:
+        return code
+    session = CommandSession(
+        is_quiet=False, is_verbose=False, is_debug=False, is_json=True
+    )
+
+    def work() -> int:
+        session.print_failure("usage", message())
+        return code
+
+    return session.run(work)

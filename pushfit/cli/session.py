@@ -108,6 +108,19 @@ class CommandSession:
         """Write the one document of --json to standard output."""
         print(json.dumps(document, ensure_ascii=False, allow_nan=False, indent=2))
 
+    def print_failure(
+        self, status: str, message: str, *, problems: Sequence[str] = ()
+    ) -> None:
+        """Write the document of --json where there is no other."""
+        self.print_json(
+            {
+                "schema": ERROR_SCHEMA,
+                "status": status,
+                "message": message,
+                "problems": list(problems),
+            }
+        )
+
     @contextmanager
     def progress(self) -> Iterator[ProgressLines]:
         """Show how far the work is, as a bar on a terminal, else line by line.
@@ -126,11 +139,8 @@ class CommandSession:
         try:
             code = self._ended(work)
             sys.stdout.flush()
-        except BrokenPipeError:  # the reader, for example `head`, has seen enough
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            for stream in (sys.stdout, sys.stderr):
-                os.dup2(nowhere, stream.fileno())
-            return CLOSED_PIPE
+        except BrokenPipeError:
+            return say_no_more()
         return code
 
     def _ended(self, work: Callable[[], int | None]) -> int:
@@ -171,14 +181,19 @@ class CommandSession:
         self.complain(message)
         if self.is_json:
             problems = getattr(error, "problems", ())
-            self.print_json(
-                {
-                    "schema": ERROR_SCHEMA,
-                    "status": getattr(error, "code", "bug"),
-                    "message": self.worded(message),
-                    "problems": [self.worded(one.message) for one in problems],
-                }
+            self.print_failure(
+                getattr(error, "code", "bug"),
+                self.worded(message),
+                problems=[self.worded(one.message) for one in problems],
             )
+
+
+def say_no_more() -> int:
+    """Exit code where the reader, for example `head`, has seen enough."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for stream in (sys.stdout, sys.stderr):
+        os.dup2(nowhere, stream.fileno())
+    return CLOSED_PIPE
 
 
 def command(

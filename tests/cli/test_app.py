@@ -111,6 +111,30 @@ def test_an_unknown_option_is_a_usage_error(capsys):
     assert "--no-such" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["fit", "t.csv", "--engine", "foo"], "'--engine'"),
+        (["fit"], "'TABLE'"),
+        (["coverage", "t.csv", "--tables", "0"], "'--tables'"),
+        (["fit", "t.csv", "--no-such"], "--no-such"),
+        (["no-such"], "'no-such'"),
+    ],
+)
+def test_a_usage_error_under_json_is_a_document(words, said, capsys, monkeypatch):
+    assert main(words) == 2
+    alone = capsys.readouterr()
+    assert alone.out == ""
+    monkeypatch.setattr("sys.argv", ["pushfit", *words, "--json"])
+    assert main() == 2
+    captured = capsys.readouterr()
+    assert captured.err == alone.err
+    document = json.loads(captured.out)
+    assert (document["schema"], document["status"]) == ("pushfit.error/1", "usage")
+    assert said in document["message"]
+    assert f"Error: {document['message']}" in captured.err
+
+
 def test_init_writes_a_config_that_can_be_read(tmp_path, capsys):
     path = tmp_path / "grasp.toml"
     assert main(["init", str(path)]) == 0
@@ -174,7 +198,9 @@ def test_a_process_ends_with_its_code_and_all_that_was_to_be_said():
 
 
 @pytest.mark.parametrize("closed", [("stdout",), ("stderr",), ("stdout", "stderr")])
-@pytest.mark.parametrize("words", [["init", "-"], ["validate", "{}", "--json"]])
+@pytest.mark.parametrize(
+    "words", [["init", "-"], ["validate", "{}", "--json"], ["fit", "--json"]]
+)
 def test_a_closed_pipe_is_no_bug(tmp_path, words, closed):
     """Whether an answer or a refusal goes there; what goes elsewhere is said."""
     header = tmp_path / "table.csv"
@@ -189,7 +215,7 @@ def test_a_closed_pipe_is_no_bug(tmp_path, words, closed):
         **(streams | dict.fromkeys(closed, writer)),
     )
     os.close(writer)
-    goes_there = "stdout" in closed or words[0] == "validate"
+    goes_there = "stdout" in closed or words[0] != "init"
     assert ended.returncode == (141 if goes_there else 0)
     assert "this is a bug" not in (ended.stderr or "")
 
