@@ -74,6 +74,27 @@ def check_parent(path: str | Path) -> None:
         )
 
 
+def check_writable(path: str | Path) -> None:
+    """Refuse, before any work, a name under which nothing can be written now.
+
+    Raises:
+        ConfigError: As of `check_parent`; or its folder takes no file
+            (`output_folder_closed`).
+    """
+    check_parent(path)
+    parent = followed(Path(path)).parent
+    try:
+        # Permissions alone do not tell, as on a disk of another machine.
+        with tempfile.TemporaryFile(dir=parent):
+            pass
+    except OSError as error:
+        raise ConfigError(
+            f"{path}: the folder {parent} takes no file ({error.strerror}); name "
+            "another, or change its permissions",
+            code="output_folder_closed",
+        ) from error
+
+
 def followed(path: Path) -> Path:
     """What a name stands for: itself, or what a link leads to."""
     return Path(os.path.realpath(path)) if path.is_symlink() else path

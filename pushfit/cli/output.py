@@ -5,7 +5,7 @@ Excluded: the files of a result (`pushfit.report.store.folder`).
 
 from pathlib import Path
 
-from pushfit.atomic import atomic_path, check_parent, is_stream
+from pushfit.atomic import atomic_path, check_writable, is_stream
 from pushfit.cli.session import CommandSession
 from pushfit.errors import ConfigError
 from pushfit.report.picture_file import picture_format
@@ -18,7 +18,8 @@ def refuse_existing(path: Path, *, force: bool) -> None:
     A device or a FIFO is written into and loses nothing.
 
     Raises:
-        ConfigError: It exists and may not be replaced, or its folder does not exist.
+        ConfigError: It exists and may not be replaced, or its folder does not exist or
+            takes no file.
     """
     if is_stream(path):
         return
@@ -37,7 +38,7 @@ def refuse_existing(path: Path, *, force: bool) -> None:
             f"{path}: exists already; name another, or replace it with --force",
             code="output_exists",
         )
-    check_parent(path)
+    check_writable(path)
 
 
 def refuse_picture(path: Path | None, *, force: bool) -> None:

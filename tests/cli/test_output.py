@@ -88,3 +88,39 @@ def test_no_output_takes_the_place_of_another(
     assert main([*words, *force]) == 2
     assert "one would replace the other" in capsys.readouterr().err
     assert sorted(tmp_path.rglob("*")) == there
+
+
+# Takes a file from nobody, not even from root.
+CLOSED = Path("/proc")
+
+
+@pytest.mark.skipif(not CLOSED.is_dir(), reason="there is no such folder here")
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["init", "{}"],
+        ["fit", "bare.csv", "--out", "{}"],
+        ["identify", "bare.csv", "--out", "{}"],
+        ["demo", "--out", "{}"],
+        ["peaks", "bare.csv", "--out", "{}"],
+        ["peaks", "bare.csv", "--plot", "{}.png"],
+        ["look", "bare.csv", "--export", "{}"],
+        ["simulate", "bare.csv", "--out", "{}"],
+        ["report", ".", "--out", "{}"],
+        ["diff", ".", ".", "--plot", "{}.png"],
+        ["coverage", "bare.csv", "--plot", "{}.png"],
+        ["next", "bare.csv", "--plot", "{}.png"],
+        ["explore", "--hand", "simulated", "--out", "{}"],
+    ],
+    ids=lambda words: f"{words[0]} {words[-2]}",
+)
+def test_a_folder_that_takes_no_file_is_named_before_anything_is_read(
+    words, tmp_path, monkeypatch, capsys
+):
+    """What is read is no input of any command, which would end in 3."""
+    monkeypatch.chdir(tmp_path)
+    Path("bare.csv").write_text("1,2\n")
+    assert main([word.format(CLOSED / "new") for word in words]) == 2
+    said = capsys.readouterr().err
+    assert f"error: {CLOSED / 'new'}" in said
+    assert f"the folder {CLOSED} takes no file" in said

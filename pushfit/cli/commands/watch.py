@@ -12,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from pushfit.atomic import check_writable
 from pushfit.cli import options
 from pushfit.cli.commands.batch import report
 from pushfit.cli.output import warn_of_missing
@@ -45,6 +46,7 @@ def watch(
 ) -> int:
     """Identify what arrives in a folder, on one page."""
     warn_of_missing(session, "jinja2")
+    from pushfit.batch.folders import STORE, begin_folder
     from pushfit.batch.run import identify_batch
 
     if not folder.is_dir():
@@ -52,6 +54,8 @@ def watch(
             f"{folder}: is no folder; name the one in which recordings arrive",
             code="no_folder",
         )
+    begin_folder(items.out)
+    check_writable(items.out / STORE)
     say_kept(f"what is finished is kept in {items.out}; the same command goes on")
     before: Stamps = {}
     done: Stamps = {}

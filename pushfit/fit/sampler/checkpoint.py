@@ -17,7 +17,7 @@ import jax
 import numpy as np
 
 import pushfit
-from pushfit.atomic import atomic_path, check_parent, is_stream, spare_name
+from pushfit.atomic import atomic_path, check_writable, is_stream, spare_name
 from pushfit.errors import ConfigError
 
 # Raised whenever the meaning of the arrays changes.
@@ -33,7 +33,8 @@ def check_checkpoint(path: Path) -> None:
     """Refuse a name under which no run can be kept and read back.
 
     Raises:
-        ConfigError: It is a device or a FIFO, or its folder does not exist.
+        ConfigError: It is a device or a FIFO, or its folder does not exist or takes no
+            file.
     """
     if is_stream(path):
         raise ConfigError(
@@ -41,7 +42,7 @@ def check_checkpoint(path: Path) -> None:
             "name a file for `checkpoint`",
             code="checkpoint_place",
         )
-    check_parent(path)
+    check_writable(path)
 
 
 def fingerprint(*trees: object) -> str:

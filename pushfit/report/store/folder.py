@@ -49,7 +49,7 @@ def write_result_folder(
 
     Raises:
         ConfigError: Something stands there and is not to be replaced, or the parent
-            does not exist.
+            does not exist or takes no file.
     """
     check_target(out, force=force)
     token, target = secrets.token_hex(4), followed(out)

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
-from pushfit.atomic import check_parent, is_stream
+from pushfit.atomic import check_parent, check_writable, is_stream
 from pushfit.errors import ConfigError, installed_by
 
 # How a grasp was explored, which no result makes anew: what was told, its picture, and
@@ -87,21 +87,20 @@ def check_target(out: Path, *, force: bool) -> None:
         ConfigError: As in `write_result_folder`.
     """
     check_place(out)
-    if not out.exists():
-        return
-    if not force:
+    if out.exists() and not force:
         raise ConfigError(
             f"{out}: exists and is not overwritten; choose another name or use "
             "`force=True`",
             code="output_exists",
         )
-    strange = _strange_content(out)
+    strange = _strange_content(out) if out.exists() else ""
     if strange:
         raise ConfigError(
             f"{out}: {strange} is not part of a result, so `force=True` does not "
             "remove it; choose another name or move it away",
             code="output_not_a_result",
         )
+    check_writable(out)
 
 
 def check_place(out: Path) -> None:

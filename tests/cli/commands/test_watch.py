@@ -175,3 +175,21 @@ def test_a_file_is_no_folder_to_watch(runs, capsys):
     (runs / "a.csv").write_text("x")
     assert main(["watch", "runs/a.csv", "-o", "out"]) == 2
     assert "is no folder" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("is_there", [False, True])
+def test_results_that_can_go_nowhere_are_said_before_anything_is_waited_for(
+    is_there, runs, clock, monkeypatch, capsys
+):
+    def refused(*_, **__):
+        raise PermissionError(13, "Permission denied", "out")
+
+    if is_there:
+        Path("out").mkdir()
+        monkeypatch.setattr("pushfit.atomic.tempfile.TemporaryFile", refused)
+    else:
+        monkeypatch.setattr("pathlib.Path.mkdir", refused)
+    assert main(["watch", "runs", "--out", "out", "--idle", "1"]) == 2
+    captured = capsys.readouterr()
+    assert captured.err.startswith("error: out")
+    assert "Permission denied" in captured.err
