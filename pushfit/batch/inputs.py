@@ -5,7 +5,7 @@ Excluded: what the files hold (`pushfit.batch.items`).
 
 import glob
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,15 +23,17 @@ class Inputs:
 
     Args:
         paths: Files and bag folders as the user named them, sorted, each once.
-        left_out: Schedules, settings, files of other kinds and folders of results
-            among them, sorted.
+        left_out: Files of other kinds, folders of results, and schedules and settings
+            that go with none of the paths, among them, sorted.
     """
 
     paths: tuple[str, ...]
     left_out: tuple[str, ...]
 
 
-def find_inputs(inputs: Sequence[str | Path], *, out: Path) -> Inputs:
+def find_inputs(
+    inputs: Sequence[str | Path], *, out: Path, common: Iterable[Path | None] = ()
+) -> Inputs:
     """Look through files, folders and patterns.
 
     Folders of results are searched only where they are named themselves: what was made
@@ -41,6 +43,7 @@ def find_inputs(inputs: Sequence[str | Path], *, out: Path) -> Inputs:
         inputs: Files, folders (searched with all below them, for `SEARCHED`) and
             patterns, of which `**` stands for any folders.
         out: Folder of the results, which is never searched.
+        common: Settings and schedules that go with all of them.
 
     Raises:
         ConfigError: Something named does not exist; all such are listed.
@@ -61,10 +64,14 @@ def find_inputs(inputs: Sequence[str | Path], *, out: Path) -> Inputs:
     kept = (exact - searched) | {path for path in below if _is_data(path)}
     wanted = {os.path.normpath(path) for path in kept if not _is_companion(path)}
     others = {os.path.normpath(path) for path in (exact - searched) | below | results}
+    beside = {
+        goes_with(p, None) for p in wanted for goes_with in (settings_for, schedule_for)
+    }
+    used = {os.path.normpath(path) for path in {*beside, *common} if path is not None}
     own = out.resolve()
     left_out = {
         path
-        for path in others - wanted
+        for path in others - wanted - used
         if own not in (place := Path(path).resolve(), *place.parents)
     }
     return Inputs(paths=tuple(sorted(wanted)), left_out=tuple(sorted(left_out)))

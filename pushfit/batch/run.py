@@ -51,7 +51,7 @@ class Batch:
         files: Tables written, and the page.
         n_computed: Results that were computed now; duplicates count once.
         n_kept: Results that the folder had and that are still valid.
-        left_out: Schedules, settings and other files among the inputs.
+        left_out: Files among the inputs that are none and go with none.
         notice: What the user should know about the store; empty if nothing.
     """
 
@@ -117,14 +117,13 @@ def identify_batch(
     workers, report = _workers(workers), progress or (lambda stage, share: None)
     folder = Path(out)
     inputs = [inputs] if isinstance(inputs, (str, Path)) else inputs
-    found = find_inputs(inputs, out=folder)
-    planner = Planner(
-        config=_path("config", config),
-        profile=_path("profile", profile),
-        schedule=_path("schedule", schedule),
-        seed=seed,
-        engine=engine,
-    )
+    common = {
+        "config": _path("config", config),
+        "profile": _path("profile", profile),
+        "schedule": _path("schedule", schedule),
+    }
+    found = find_inputs(inputs, out=folder, common=common.values())
+    planner = Planner(**common, seed=seed, engine=engine)
     plan = planner.plan(found.paths)
     if not (plan.items or plan.failures):
         raise DataError(

@@ -44,14 +44,16 @@ def test_the_results_are_no_inputs(tmp_path):
     assert names(find_inputs([tmp_path], out=tmp_path / "out")) == ["a.csv"]
 
 
-def test_settings_schedules_and_hidden_files_are_left_out(tmp_path):
-    write_tables(tmp_path, "a", "schedule", "a.schedule", ".hidden")
-    for name in ("grasp.toml", "notes.md"):
+def test_settings_schedules_and_hidden_files_are_no_inputs(tmp_path):
+    """Those that go with an input are not left out: own before that of the folder."""
+    write_tables(tmp_path, "a", "schedule", "a.schedule", "b.schedule", ".hidden")
+    for name in ("grasp.toml", "lab.toml", "other.toml", "notes.md"):
         (tmp_path / name).touch()
-    found = find_inputs([tmp_path], out=tmp_path / "out")
+    common = (None, tmp_path / "lab.toml")
+    found = find_inputs([tmp_path], out=tmp_path / "out", common=common)
     assert names(found) == ["a.csv"]
     assert {Path(path).name for path in found.left_out} == {
-        *("schedule.csv", "a.schedule.csv", "grasp.toml", "notes.md")
+        *("schedule.csv", "b.schedule.csv", "other.toml", "notes.md")
     }
 
 

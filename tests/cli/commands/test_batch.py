@@ -33,8 +33,10 @@ def document(capsys, *arguments: str):
 
 
 def test_what_a_batch_left_out_is_named(runs, capsys):
-    Path("runs", "notes.md").touch()
-    assert main(["batch", "runs", "--out", "out"]) == 0
+    for name in ("notes.md", "a.toml", "grasp.toml", "lab.toml"):
+        Path("runs", name).touch()
+    profile = ["--profile", "runs/lab.toml"]
+    assert main(["batch", "runs", *profile, "--out", "out"]) == 0
     shown = capsys.readouterr().out
     assert f"left_out     1 ({Path('runs', 'notes.md')})" in shown
 
