@@ -29,6 +29,7 @@ from pushfit.data.grasp import make_grasp
 from pushfit.data.load import reader_options
 from pushfit.data.recordings.recording import read_recording
 from pushfit.data.recordings.samples import Gaps, ThetaFrom
+from pushfit.data.simulate import Session
 from pushfit.data.text.dialects import Format
 from pushfit.data.text.scan import Tail
 from pushfit.data.truth import stated_parameters
@@ -299,6 +300,12 @@ def test_simulate_is_reproducible(tmp_path):
         assert main(arguments) == 0
     assert (tmp_path / "one.csv").read_bytes() == (tmp_path / "two.csv").read_bytes()
     assert main(["validate", str(tmp_path / "one.csv")]) == 0
+
+
+def test_simulate_says_by_how_much_directions_are_off_without_noise(capsys):
+    assert main(["simulate", "--help"]) == 0
+    off = np.degrees(Session().angle_resolution) / 2
+    assert f"off by up to {off:g} degrees" in " ".join(capsys.readouterr().out.split())
 
 
 def test_validate_says_once_what_is_wrong_in_many_rows(tmp_path, capsys):

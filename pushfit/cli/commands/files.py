@@ -201,7 +201,12 @@ def simulate(
     config: options.ConfigFile = None,
     unit: Annotated[SensorUnit, typer.Option(help="Unit of the sensor.")] = "n",
     noise: Annotated[
-        float, typer.Option(min=0.0, help="Standard deviation of a sample.")
+        float,
+        typer.Option(
+            min=0.0,
+            help="Standard deviation of a sample; directions are off by up to 0.5 "
+            "degrees all the same.",
+        ),
     ] = 0.0,
     seed: options.Seed = 0,
     force: options.Force = False,
