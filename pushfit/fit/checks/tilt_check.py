@@ -111,11 +111,12 @@ def tilt_warning(
             "the heights"
         )
     else:
-        reason = config.why_not("tilting") or (
-            "no fit by them was found"
-            if config.grasp.mechanics == "auto"
-            else 'set grasp.mechanics = "auto"'
+        is_stated = config.grasp.mechanics != "auto"
+        cures = (
+            config.why_not("tilting"),
+            'set grasp.mechanics = "auto"' if is_stated else None,
         )
+        reason = ", and ".join(filter(None, cures)) or "no fit by them was found"
         text = (
             f"{start}; {law.title} hold for small tilts, and at 2° and more "
             "θ_c may be off by several degrees beyond its interval. It is not computed "

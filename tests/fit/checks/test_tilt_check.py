@@ -64,6 +64,10 @@ def test_a_large_tilt_is_warned_of_only_where_the_equations_of_the_paper_lead():
     assert "measure it and set parameters.L" in alone.text
     forced = settings(MEASURED + '[grasp]\nmechanics = "linear"\n')
     assert 'set grasp.mechanics = "auto"' in tilt_warning(forced, (linear,), 9.0).text
+    both_lack = settings('[push]\nlength_mm = 5.0\n[grasp]\nmechanics = "linear"\n')
+    cured = tilt_warning(both_lack, (linear,), 9.0).text
+    assert "measure it and set parameters.L" in cured
+    assert cured.endswith(', and set grasp.mechanics = "auto"')
     failed = tilt_warning(both, (linear,), 9.0)
     assert failed.text.endswith("no fit by them was found")
 
