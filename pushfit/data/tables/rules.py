@@ -146,6 +146,19 @@ def _rules(unit: str) -> dict[str, list]:
     return rules
 
 
+def rules_of_times() -> dict[str, list["Check"]]:
+    """Checks of the times of a schedule, which order its pushes."""
+    import pandera.pandas as pa  # noqa: PLC0415 - slow to load, needed only to check
+
+    finite = pa.Check(np.isfinite, error="finite")
+    return {"time_s": [finite, pa.Check(_are_apart, error="time")]}
+
+
+def _are_apart(times: pd.Series) -> pd.Series:
+    """Which times no other row has."""
+    return ~times.duplicated(keep=False)
+
+
 def _are_flags(text: str) -> bool:
     """Whether a cell holds known flag words only."""
     return all(word in FLAGS for word in text.split(";") if word)
@@ -216,6 +229,10 @@ _REASONS = {
     ),
     "sd": ("sd_range", "is no standard deviation; give a number above 0"),
     "count": ("count_range", "is below 1; number pushes and repeats from 1"),
+    "time": (
+        "duplicate_time",
+        "is the time of two pushes; give each its own, or leave the column out",
+    ),
     "field_uniqueness": ("duplicate_push", "stands for two pushes; number them apart"),
     "definition": (
         "unknown_definition",

@@ -52,6 +52,25 @@ def test_a_table_of_peaks_is_called_what_it_is(more, tmp_path):
         read_schedule(path)
 
 
+@pytest.mark.parametrize(
+    ("time", "code", "says"),
+    [
+        ("", "missing_value", "line 3, column time_s: nan stands for an empty cell"),
+        ("1.5", "duplicate_time", "column time_s: 1.5 is the time of two pushes"),
+        ("2.5", None, ""),
+    ],
+)
+def test_times_that_order_nothing_are_refused(tmp_path, time, code, says):
+    path = written(tmp_path, f"theta_deg,alpha_deg,time_s\n10,0,1.5\n20,0,{time}\n")
+    if code is None:
+        assert read_schedule(path).time.tolist() == [1.5, 2.5]
+        return
+    with pytest.raises(DataError) as caught:
+        read_schedule(path)
+    assert caught.value.code == code
+    assert says in str(caught.value)
+
+
 def test_a_schedule_without_directions_is_refused(tmp_path):
     with pytest.raises(DataError) as caught:
         read_schedule(written(tmp_path, "push,repeat\n1,1\n"))
