@@ -166,10 +166,7 @@ def _reason(identification: Identification, quantity: Quantity) -> str:
     """Why an angle is not determined."""
     if quantity.verdict is Verdict.PROVISIONAL:
         return "the model does not describe them"
-    draws = _draws(identification, quantity.name)
-    # That a few draws never roll is noted, but no reason.
-    is_rolling = draws.size and np.mean(np.isnan(draws)) < (1 - quantity.prob) / 2
-    if quantity.note and not is_rolling:
+    if quantity.note:
         return printable(quantity.note).rstrip(".")
     angles, few = identification.table.theta, "elevation"
     many = "the heights fit every critical angle about equally well"

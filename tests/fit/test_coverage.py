@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pushfit.fit.coverage import Coverage, _holds, coverage_study, simulate_tables
+from pushfit.fit.coverage import Coverage, coverage_study, holds, simulate_tables
 from pushfit.fit.identify.fit_table import fit_table
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
@@ -71,19 +71,21 @@ def test_the_limits_are_those_of_clopper_and_pearson():
 
 
 @pytest.mark.parametrize(
-    ("pieces", "truth", "is_axis", "expected"),
+    ("pieces", "truth", "expected"),
     [
-        (((10.0, 20.0), (40.0, 50.0)), 30.0, False, False),
-        (((10.0, 20.0), (40.0, 50.0)), 45.0, False, True),
-        (((60.0, None),), 89.0, False, True),
-        (((None, 20.0),), 21.0, False, False),
-        (((170.0, 190.0),), 5.0, True, True),
-        (((170.0, 190.0),), 15.0, True, False),
-        (((170.0, 190.0),), 5.0, False, False),
+        (((10.0, 20.0), (40.0, 50.0)), 30.0, False),
+        (((10.0, 20.0), (40.0, 50.0)), 45.0, True),
+        (((60.0, None),), 89.0, True),
+        (((None, 20.0),), 21.0, False),
+        (((170.0, 190.0),), 5.0, True),
+        (((170.0, 190.0),), 15.0, False),
+        (((-30.0, -20.0),), -25.0, True),
+        (((-30.0, -20.0),), 155.0, False),
     ],
 )
-def test_a_set_holds_what_lies_in_a_piece_of_it(pieces, truth, is_axis, expected):
-    assert _holds(pieces, truth, is_axis) is expected
+def test_a_set_holds_what_lies_in_a_piece_of_it(pieces, truth, expected):
+    """That of an axis goes on beyond 180°."""
+    assert holds(pieces, truth) is expected
 
 
 @pytest.mark.slow

@@ -90,8 +90,6 @@ def angle_quantity(
         if before > 0 and 1 - _width(found) / before < ASSUMED:
             verdict = Verdict.NOT_DETERMINED
         never = float(np.mean(np.isnan(draws)))
-        if never > 0:
-            note = f"{never:.1%} of the posterior never rolls"
         if never >= prob:
             # Its likelihood compares contacts that roll with each other.
             verdict, likelihood_sets = Verdict.ABSENT, ()
@@ -101,6 +99,8 @@ def angle_quantity(
             ordered = posterior.ordered[name]
             interval = equal_tailed_interval(ordered, prob, is_axis=is_axis)
             estimate = median(ordered, is_axis=is_axis)
+        else:
+            note = f"{never:.1%} of the posterior never rolls"
     return Quantity(
         name=name,
         unit="deg",

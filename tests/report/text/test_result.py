@@ -218,14 +218,12 @@ def test_a_contact_that_never_rolls_has_no_critical_angle(determined):
 def test_a_few_draws_that_never_roll_are_no_reason(share, is_why, determined):
     draws = dict(determined.posterior.samples)
     draws["theta_c"] = np.where(np.arange(2000) < 2000 * share, np.nan, 40.0)
-    theta_c = make_angle("theta_c", None, verdict=Verdict.NOT_DETERMINED)
-    note = f"{share:.1%} of the posterior never rolls"
-    result = replace(
-        determined,
-        posterior=replace(determined.posterior, samples=draws),
-        theta_c=replace(theta_c, interval=None, note=note),
-    )
-    assert (note in sentence_theta_c(result)) is is_why
+    posterior = replace(determined.posterior, samples=draws)
+    theta_c = angle_quantity("theta_c", posterior, None, prob=0.9)
+    result = reported(replace(determined, posterior=posterior, theta_c=theta_c))
+    sentence = sentence_theta_c(result)
+    assert "not determined by these data" in sentence
+    assert (f"{share:.1%} of the posterior never rolls" in sentence) is is_why
 
 
 def test_modes_across_the_seam_are_typical_of_their_own_draws(determined):
