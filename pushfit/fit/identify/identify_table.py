@@ -28,7 +28,8 @@ from pushfit.fit.assess.warnings import (
 from pushfit.fit.checks.leave_one_out import LeftOut, unpredicted
 from pushfit.fit.checks.model_checking import contradicted_quantities, goodness_of_fit
 from pushfit.fit.checks.predictive import predictive_checks
-from pushfit.fit.checks.table_checks import WRONG, follows_elevation
+from pushfit.fit.checks.push_order import follows_elevation
+from pushfit.fit.checks.table_checks import WRONG
 from pushfit.fit.checks.tilt_check import implied_tilt_deg, tilt_warning
 from pushfit.fit.checks.violations import violation_warnings
 from pushfit.fit.identify.by_mechanics import (

@@ -9,13 +9,10 @@ import pytest
 from pushfit.config import GraspConfig, parse_config
 from pushfit.data.peaks.extract import extract_peaks
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.checks.table_checks import follows_elevation, table_warnings
+from pushfit.fit.checks.table_checks import table_warnings
 from tests.data.peaks.sweeps import simulated
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
-
-# Printed digits of a slope, relative.
-DIGITS = 0.05
 
 
 def codes(table: PeakTable, settings: GraspConfig | None = None) -> set[str]:
@@ -318,72 +315,3 @@ def test_rows_that_were_copied_are_said_and_single_ones_are_not(n_copied):
     heights = twice.heights("height").copy()
     heights[-1] += 1e-3
     assert "copied_rows" not in codes(with_heights(twice, heights))
-
-
-def drifting(*, in_a_row: bool, in_proportion: bool = False) -> PeakTable:
-    """Pushes that lose 0.03, or as much of their height, from each to the next.
-
-    All repeats of a direction come before the next one or not.
-    """
-    table = case_table(CASES["firm"], noise=0.02, repeats=3)
-    frame = table.frame
-    order = frame.sort_values(["theta_deg", "repeat"] if in_a_row else ["repeat"])
-    order = order.assign(push=np.arange(1, len(order) + 1))
-    loss = 0.03 * order["push"] * (order["height_n"] / 2 if in_proportion else 1)
-    return type(table).from_frame(order.assign(height_n=order["height_n"] - loss))
-
-
-@pytest.mark.parametrize("in_proportion", [False, True])
-def test_a_drift_that_repeats_in_a_row_show_is_that_of_least_squares(in_proportion):
-    table = drifting(in_a_row=True, in_proportion=in_proportion)
-    (text,) = [
-        w.text for w in table_warnings(table, config()) if w.code == "drift_in_repeats"
-    ]
-    push, direction = table.frame["push"].to_numpy(dtype=float), table.groups
-    dummies = (direction[:, None] == np.unique(direction)).astype(float)
-    heights = table.heights("height")
-    means = dummies @ np.linalg.lstsq(dummies, heights)[0]
-    centred = push - dummies @ np.linalg.lstsq(dummies, push)[0]
-    column = (
-        100 * np.linalg.lstsq((centred * means)[:, None], heights - means)[0]
-        if in_proportion
-        else np.linalg.lstsq(np.c_[push, dummies], heights)[0]
-    )
-    words = text.split(" by ")[1].split()
-    assert (words[1] == "%") is in_proportion
-    np.testing.assert_allclose(float(words[0]), column[0], rtol=DIGITS)
-
-
-def test_a_drift_is_not_said_without_one_or_where_sweeps_are_repeated():
-    """Between whole sweeps each is given an effect of its own."""
-    assert "drift_in_repeats" not in codes(drifting(in_a_row=False))
-    steady = case_table(CASES["firm"], noise=0.02, repeats=3)
-    assert "drift_in_repeats" not in codes(steady)
-
-
-@pytest.mark.parametrize(
-    ("by", "is_ordered"),
-    [
-        (["theta_deg", "repeat"], True),
-        (["repeat", "theta_deg"], False),
-        (["mixed"], False),
-    ],
-)
-def test_elevations_in_order_are_known_from_sweeps_and_from_a_random_order(
-    by, is_ordered
-):
-    frame = case_table(CASES["firm"], noise=0.02, repeats=3).frame
-    frame = frame.assign(mixed=np.random.default_rng(0).permutation(len(frame)))
-    pushed = frame.sort_values(by).drop(columns="mixed")
-    table = PeakTable.from_frame(pushed.assign(push=np.arange(1, len(frame) + 1)))
-    assert follows_elevation(table) is is_ordered
-
-
-def test_one_direction_that_is_pushed_again_at_the_end_would_show_a_drift():
-    frame = case_table(CASES["firm"], noise=0.02, repeats=9).frame
-    frame = frame.sort_values(["theta_deg", "repeat"])
-    in_order = frame.assign(push=np.arange(1, len(frame) + 1))
-    assert follows_elevation(PeakTable.from_frame(in_order))
-    again = pd.concat([frame.iloc[1:], frame.iloc[:1]])
-    again = again.assign(push=np.arange(1, len(frame) + 1))
-    assert not follows_elevation(PeakTable.from_frame(again))
