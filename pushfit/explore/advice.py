@@ -74,7 +74,8 @@ def _sentence(found: Identification, angle: str) -> str | None:
     width = outlook(
         heights, target, weights=belief.weights, sigma=belief.sigma
     ).expected_width
-    after = f" and is expected to leave a {100 * prob:g} % interval of {width:.2g}°"
+    wide = float(f"{width:.2g}")
+    after = f" and is expected to leave a {100 * prob:g} % interval of {wide:g}°"
     return (
         f"One more push at θ = {np.degrees(survey.theta[best]):.0f}°, "
         f"α = {np.degrees(survey.alpha[best]):.0f}° would tell most of "

@@ -113,8 +113,8 @@ def _angle_answer(
     """Answer by the verdict of a quantity whose numerics are trusted."""
     prob = f"{100 * quantity.prob:g} %"
     verdict, estimate = quantity.verdict, quantity.estimate
-    pieces = pieces_for(quantity)
-    ranges = join_or([format_range(*piece, "deg") for piece in pieces])
+    pieces, is_axis = pieces_for(quantity), identification.config.reach.is_whole
+    ranges = join_or([format_range(*p, "deg", is_axis=is_axis) for p in pieces])
     if verdict is Verdict.SEVERAL_MODES and len(pieces) > 1:
         draws = _draws(identification, quantity.name)
         values = tuple(_typical(piece, draws) for piece in pieces)
@@ -127,7 +127,7 @@ def _angle_answer(
         sentence = f"{subject} is {ranges} ({prob}); the data bound it no further."
     elif verdict is Verdict.WIDE and quantity.interval is not None:
         values, pieces = (), (quantity.interval,)
-        short = format_range(*quantity.interval, "deg")
+        short = format_range(*quantity.interval, "deg", is_axis=is_axis)
         sentence = (
             f"{subject} is {short} ({prob} interval), which is wider than was wanted."
         )
@@ -147,7 +147,9 @@ def _angle_answer(
             short = f"{short}, provisional"
     else:
         values, pieces = (estimate,), (quantity.interval,)  # drawn as it is said
-        number, interval = format_estimate(estimate, quantity.interval, "deg")
+        number, interval = format_estimate(
+            estimate, quantity.interval, "deg", is_axis=is_axis
+        )
         short = f"{number} ({interval})"
         sentence = f"{subject} is {number} ({prob} interval: {interval})."
     return AnswerText(
@@ -250,7 +252,8 @@ def _model_free_remark(
     spread = high - low
     number = format_angle(first + (free.estimate - first) % HALF_TURN, spread=spread)
     start = first + (low - first) % HALF_TURN
-    number += f" ({format_range(start, start + spread, 'deg')})"
+    words = format_range(start, start + spread, "deg", is_axis=first == 0.0)
+    number += f" ({words})"
     if quantity.estimate is None or quantity.interval is None:
         return f"A cosine through the heights alone gives {number}."
     gap = abs(free.estimate - quantity.estimate) % HALF_TURN

@@ -226,7 +226,8 @@ def angle_rows(identification: Identification) -> list[tuple[str, str]]:
         text = answer.short
         sets = quantity.likelihood_sets
         if sets and is_trusted(identification):
-            ranges = join_or([format_range(*piece, "deg") for piece in sets])
+            is_axis = identification.config.reach.is_whole
+            ranges = join_or([format_range(*p, "deg", is_axis=is_axis) for p in sets])
             text += f"; likelihood alone: {ranges}"
         rows.append((symbol(answer.name), text))
     if len(identification.by_mechanics) > 1:

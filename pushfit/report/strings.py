@@ -128,14 +128,18 @@ def spread_of(estimate: float, interval: tuple[float, float]) -> float:
 
 
 def format_estimate(
-    estimate: float, interval: tuple[float, float], unit: str
+    estimate: float, interval: tuple[float, float], unit: str, *, is_axis: bool = False
 ) -> tuple[str, str]:
-    """Number, with its unit only where that is degrees, and interval in words."""
+    """Number, with its unit only where that is degrees, and interval in words.
+
+    Args:
+        is_axis: Whether 180° is 0°.
+    """
     spread = spread_of(estimate, interval)
     number = format_number(estimate, spread=spread)
     if unit_label(unit) == "°":
         number = format_angle(estimate, spread=spread)
-    return number, format_range(*interval, unit, spread=spread)
+    return number, format_range(*interval, unit, spread=spread, is_axis=is_axis)
 
 
 def format_range(
@@ -144,11 +148,13 @@ def format_range(
     unit: str,
     *,
     spread: float | None = None,
+    is_axis: bool = False,
 ) -> str:
     """Interval or half-open set in words: "38° to 42°", "above 61°", "below 20°".
 
     Args:
         spread: Uncertainty that decides the digits; None is the width.
+        is_axis: Whether 180° is 0°.
     """
     is_angle = unit_label(unit) == "°"
     if lower is None or upper is None:
@@ -161,7 +167,7 @@ def format_range(
     spread = upper - lower if spread is None else spread
     if is_angle:
         start = format_angle(lower, spread=spread)
-        if lower < HALF_TURN < upper:  # an axis starts again
+        if is_axis and lower < HALF_TURN < upper:
             start, upper = f"{start} to 180° and on", upper - HALF_TURN
         return f"{start} to {format_angle(upper, spread=spread)}"
     low, high = (format_number(end, spread=spread) for end in (lower, upper))

@@ -310,6 +310,27 @@ def counted(journal, event):
     return journal.read_text().count(f'{{"event": "{event}"')
 
 
+def test_a_hand_reaches_what_the_settings_say_unless_its_grasp_says_otherwise(
+    tmp_path, truth, monkeypatch, capsys
+):
+    """By limits that fail, a journal is of no use: another name is advised."""
+    monkeypatch.setattr(SimulatedHand, "push", stalled)
+    grasp = tmp_path / "wide.toml"
+    wide = "[reach]\ntheta_deg = [-20, 40]\nalpha_deg = [100, 260]\n"
+    grasp.write_text(f"[push]\nlength_mm = 5.0\n{wide}")
+    for name, own, reason, advice in (
+        ("a", "", "stalled", "the same command goes on"),
+        ("b", "[reach]\nalpha_deg = [90, 120]\n", "out_of_reach", "another --out"),
+    ):
+        truth.write_text(TRUTH_FILE + own)
+        words = ["--config", str(grasp), "--truth", str(truth), "--sigma", "0.05"]
+        out = str(tmp_path / name)
+        assert main(["explore", "--hand", "simulated", *words, "--out", out]) == 2
+        said = " ".join(capsys.readouterr().err.split())
+        assert f"3 pushes failed in a row: {reason} at θ = -10.0°, α = 180.0°" in said
+        assert advice in said
+
+
 def test_without_a_word_a_hand_explores_the_example_by_what_is_known_of_it(
     tmp_path, monkeypatch, capsys
 ):

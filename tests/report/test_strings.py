@@ -81,7 +81,11 @@ def test_a_spread_that_is_none_decides_no_digits(spread):
     ],
 )
 def test_a_set_reads_as_words(lower, upper, unit, text):
-    assert format_range(lower, upper, unit) == text
+    assert format_range(lower, upper, unit, is_axis=True) == text
+
+
+def test_an_angle_with_ends_does_not_start_again_at_a_half_turn():
+    assert format_range(171.0, 189.0, "deg") == "171° to 189°"
 
 
 def test_alternatives_are_joined_as_in_a_sentence():

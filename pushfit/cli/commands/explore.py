@@ -154,6 +154,8 @@ def explore(
         settings = joints_stated(settings)
         told = "the grasp of the example, as no --truth is given"
         held = read_config(truth or example_folder() / "truth.toml")
+        if "reach" not in held.model_fields_set:
+            held = held.with_keys("reach", alpha_deg=settings.reach.alpha_deg)
         sensor = sensor_unit(settings, held, stated=unit)
         made_by |= {"noise": noise, "scatter": scatter}
         made_by["truth"] = held.model_dump(mode="json", exclude_none=True)
@@ -232,7 +234,7 @@ def _run(
     history = explorer.history
     if table is None:
         again = "put it right, and the same command goes on"
-        if history.is_over:
+        if history.is_over or history.is_by_limits:
             again = f"remove {journal}, or give another --out"
         raise ConfigError(
             f"{state.sentence}; without a push of full length there is no result to "
@@ -263,9 +265,9 @@ def _run(
                 f"to go on with this grasp, copy {out / JOURNAL} to {journal}, and "
                 "give the same command a larger --budget, and --force; or ask "
                 f"`pushfit next {out / 'peaks.csv'} --config {out / SETTINGS}`, "
-                "with the same --ask and --max-force"
+                "with the same --ask, --width, --sigma and --max-force"
             )
-    else:
+    elif not history.is_by_limits:
         session.say(
             f"put it right, and the same command with --force goes on with {journal}"
         )

@@ -182,8 +182,10 @@ def measure_components(
             limit=settings.limit,
             sigma=np.zeros(len(extents)),
         )
-        # A channel that a push leaves alone dwells at its largest reading as well.
-        is_cut |= at_end & (np.abs(change) > _CLEAR * sd)
+        # A channel that a push leaves alone dwells at its largest reading as well, and
+        # one that never moves has no noise but rounding.
+        is_moved = np.ptp(samples[known]) > 0
+        is_cut |= at_end & is_moved & (np.abs(change) > _CLEAR * sd)
         changes[channel], sds[channel], rests[channel] = change, sd, rest
     top = np.array([h.height + h.baseline for h in heights])
     around = [length[part].mean() for part in tops]

@@ -37,6 +37,13 @@ INTERRUPTED = "interrupted"
 ABANDONED = "abandoned"
 # Reasons of pushes that were never made, or that died with the process.
 NOT_MADE = frozenset({INTERRUPTED, PushStatus.OUT_OF_REACH.value, ABANDONED})
+# What to do where the same exploration would fail again: a journal keeps its limits.
+CURES = {
+    PushStatus.OUT_OF_REACH.value: "where the finger cannot go, begin anew with a "
+    "narrower reach",
+    "no_pushes": "where nothing is felt, begin anew with a higher force limit, or look "
+    "whether the sensor is connected",
+}
 # Differences that are named, and letters of a value where these are too many.
 MOST_SHOWN, LONG, SHORT = 4, 40, 12
 
@@ -126,16 +133,20 @@ class History:
         return own + sum(f.reason not in NOT_MADE for f in self.failures)
 
     @property
+    def is_by_limits(self) -> bool:
+        """Whether the last pushes failed by limits, which a journal keeps."""
+        return any(f.reason in CURES for f in self.in_a_row)
+
+    @property
     def failures_in_words(self) -> str:
         """Pushes that failed since the last height, and what to do, as a clause."""
         failed = self.in_a_row
         pushes = ", ".join(
             f"{f.reason} at {direction_words(f.theta, f.alpha)}" for f in failed
         )
-        return (
-            f"{len(failed)} pushes failed in a row: {pushes}; where the finger cannot "
-            "go, narrow the limits"
-        )
+        cures = dict.fromkeys(CURES.get(f.reason, "") for f in failed)
+        told = [f"{len(failed)} pushes failed in a row: {pushes}", *filter(None, cures)]
+        return "; ".join(told)
 
 
 def start_event(

@@ -198,7 +198,10 @@ def _cell(entry: Entry, axis: Axis) -> dict[str, object]:
         middle = sum(ends) / 2 if entry.estimate is None else entry.estimate
         spread = spread_of(middle, ends) if ends[0] < ends[1] else None
     ranges = join_or(
-        [format_range(*p, entry.unit, spread=spread) for p in entry.pieces]
+        [
+            format_range(*p, entry.unit, spread=spread, is_axis=True)
+            for p in entry.pieces
+        ]
     )
     value = ""
     if entry.estimate is not None:

@@ -301,3 +301,16 @@ def test_one_of_two_forces_across_may_stay_as_it_is():
     np.testing.assert_allclose(
         table.heights("height_tangential")[pushed], 2.0, rtol=0, atol=TWO_COUNTS
     )
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.01, 0.02, -0.3])
+def test_a_force_that_stays_where_it_is_saturates_no_push(offset):
+    """Sums of an offset that binary numbers do not hold differ by rounding."""
+    session = Session(forces=True, noise=0.01, rate=50.0)
+    rng = np.random.default_rng(0)
+    made = simulate_recording(PARAMS, PRELOADED, THETA_SWEEP, session=session, rng=rng)
+    still = np.full(made.recording.time.size, offset)
+    channels = {**made.recording.channels, "fx": still}
+    recording = dataclasses.replace(made.recording, channels=channels)
+    table = extract_peaks(recording, THETA_SWEEP, settings=PeakSettings(normal="fz"))
+    assert not any("saturated" in flags for flags in table.flags)
