@@ -32,7 +32,7 @@ from pushfit.data.recordings.bags.repair import (
 )
 from pushfit.data.recordings.recognise import ANGLES
 from pushfit.data.recordings.samples import Samples
-from pushfit.data.text.faults import refuse, refuse_too_large
+from pushfit.data.text.faults import listed, refuse, refuse_too_large
 from pushfit.data.text.files import FileStamp, Source, sha256_of
 from pushfit.data.units import UNITS
 from pushfit.errors import ConfigError, installed_by, stated
@@ -92,6 +92,12 @@ def read_bag(
         fields = fields or known_fields(path, reader, partial(_first, path, reader))
         _refuse_too_large(path, fields, reader, max_bytes=max_bytes)
         types = {f.topic: reader.topics[f.topic].msgtype for f in fields}
+        others = [
+            f"{topic} ({reader.topics[topic].msgtype})"
+            for topic in sorted(reader.topics.keys() - types.keys())
+        ]
+        if others:
+            notes = (*notes, f"topics not used: {listed(others)}")
         clocks = _collect(path, reader, fields)
     stamp.check()
     time, series, origins = _merged(path, fields, clocks)

@@ -223,6 +223,23 @@ def test_a_wrench_is_three_forces_in_newtons(tmp_path):
     np.testing.assert_array_equal(recording.channels["force_z"], [0, 0.25, 0.5, 0.75])
 
 
+@pytest.mark.parametrize("kind", ["bag", "mcap"])
+def test_topics_that_are_not_used_are_named(kind, tmp_path):
+    """Beside a wrench, which is taken by itself, a hand that nobody mapped."""
+    forces = [("/ft", t, lambda s, t=t: wrench(s, t, 1.0)) for t in STAMPS]
+    fingers = [
+        ("/rh/tactile", t, lambda s, t=t, p=p: shadow(s, t, p))
+        for t, p in zip(STAMPS, PDC[:, 0], strict=True)
+    ]
+    path = write_bag(tmp_path, kind, [*forces, *fingers])
+    mapping = {"force_n": "/ft.wrench.force.z"}
+    said = "topics not used: /rh/tactile (sr_robot_msgs/msg/BiotacAll)"
+    assert said in read_recording(path, mapping=mapping).notes
+    (tmp_path / "alone").mkdir()
+    alone = read_recording(write_bag(tmp_path / "alone", kind, forces))
+    assert not any("topics not used" in note for note in alone.notes)
+
+
 def joints(store, stamp, names, positions, effort):
     return store.types["sensor_msgs/msg/JointState"](
         header=header(store, stamp),
