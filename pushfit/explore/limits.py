@@ -15,6 +15,7 @@ from pushfit.config.explore import ExploreSection
 from pushfit.config.file import problems
 from pushfit.config.section import ELEVATIONS, Elevations, Positive
 from pushfit.errors import ConfigError
+from pushfit.mechanics.directions import is_whole
 
 # Chance, by the present belief, that a push exceeds the force limit or lifts off.
 TOLERATED = 0.01
@@ -101,12 +102,12 @@ class Limits(ExploreSection):
         if azimuths is not None:
             first, last = azimuths
             # 0° and 180° are one axis, and it is pushed along once.
-            is_whole = last - first >= np.pi - ROUNDING
-            last = first + np.pi if is_whole else last
+            has_all = is_whole(azimuths)
+            last = first + np.pi if has_all else last
             steps = np.degrees(last - first) / self.alpha_step_deg
             steps = max(int(steps + ROUNDING), 1)
             alpha = np.linspace(first, last, steps + 1)
-            alpha = alpha[:-1] if is_whole else alpha
+            alpha = alpha[:-1] if has_all else alpha
         pairs = np.stack(np.meshgrid(theta, alpha, indexing="ij"), axis=-1)
         return pairs.reshape(-1, 2)
 

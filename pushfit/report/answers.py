@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from pushfit.config.schema import ReachSection
 from pushfit.errors import counted
 from pushfit.fit.assess.reporting_rules import Pieces, is_trusted, pieces_for
 from pushfit.fit.results import (
@@ -79,16 +80,15 @@ def alpha_star_answer(identification: Identification) -> AnswerText:
     """What may be said of the best push direction."""
     quantity = identification.alpha_star
     subject, reach = "The best push direction α*", identification.config.reach
-    first = 0.0 if reach.is_whole else reach.alpha_deg[0]
     if not is_trusted(identification):
         answer = _unquoted("alpha_star", subject, identification)
         free = identification.alpha_star_model_free
-        return _with_remarks(answer, [_model_free_remark(quantity, free, first=first)])
+        return _with_remarks(answer, [_model_free_remark(quantity, free, reach)])
     answer = _angle_answer(identification, quantity, subject)
     remarks = [_reach_remark(answer, reach.alpha_deg)]
     if quantity.estimate is not None:
         free = identification.alpha_star_model_free
-        remarks.append(_model_free_remark(quantity, free, first=first))
+        remarks.append(_model_free_remark(quantity, free, reach))
     return _with_caution(_with_remarks(answer, remarks), identification)
 
 
@@ -235,15 +235,15 @@ def _reach_remark(answer: AnswerText, reach: tuple[float, float]) -> str:
 
 
 def _model_free_remark(
-    quantity: Quantity, free: Quantity | None, *, first: float
+    quantity: Quantity, free: Quantity | None, reach: ReachSection
 ) -> str:
     """What a cosine through the heights alone gives, and whether that is the same.
 
-    Args:
-        first: Azimuth that axes are counted from [deg].
+    It is counted from where the reach begins.
     """
     if free is None or free.estimate is None:
         return ""
+    first = 0.0 if reach.is_whole else reach.alpha_deg[0]
     is_bare = quantity.estimate is not None and quantity.interval is None
     if free.interval is None or is_bare:
         number = format_angle(first + (free.estimate - first) % HALF_TURN)
@@ -252,15 +252,15 @@ def _model_free_remark(
     spread = high - low
     number = format_angle(first + (free.estimate - first) % HALF_TURN, spread=spread)
     start = first + (low - first) % HALF_TURN
-    words = format_range(start, start + spread, "deg", is_axis=first == 0.0)
+    words = format_range(start, start + spread, "deg", is_axis=reach.is_whole)
     number += f" ({words})"
     if quantity.estimate is None or quantity.interval is None:
         return f"A cosine through the heights alone gives {number}."
     gap = abs(free.estimate - quantity.estimate) % HALF_TURN
     gap = min(gap, HALF_TURN - gap)
     # Half the sum of the widths: the intervals just touch.
-    reach = (spread + quantity.interval[1] - quantity.interval[0]) / 2
-    word = "agrees" if gap <= reach else "disagrees"
+    touching = (spread + quantity.interval[1] - quantity.interval[0]) / 2
+    word = "agrees" if gap <= touching else "disagrees"
     return f"A cosine through the heights alone {word}: {number}."
 
 

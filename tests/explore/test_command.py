@@ -313,14 +313,14 @@ def counted(journal, event):
 def test_a_hand_reaches_what_the_settings_say_unless_its_grasp_says_otherwise(
     tmp_path, truth, monkeypatch, capsys
 ):
-    """By limits that fail, a journal is of no use: another name is advised."""
+    """By limits that fail a journal is of no use: that of others is begun anew."""
     monkeypatch.setattr(SimulatedHand, "push", stalled)
     grasp = tmp_path / "wide.toml"
     wide = "[reach]\ntheta_deg = [-20, 40]\nalpha_deg = [100, 260]\n"
     grasp.write_text(f"[push]\nlength_mm = 5.0\n{wide}")
     for name, own, reason, advice in (
-        ("a", "", "stalled", "the same command goes on"),
-        ("b", "[reach]\nalpha_deg = [90, 120]\n", "out_of_reach", "another --out"),
+        ("a", "", "stalled", "the same command goes on; for other limits remove"),
+        ("b", "[reach]\nalpha_deg = [90, 120]\n", "out_of_reach", "a narrower reach"),
     ):
         truth.write_text(TRUTH_FILE + own)
         words = ["--config", str(grasp), "--truth", str(truth), "--sigma", "0.05"]

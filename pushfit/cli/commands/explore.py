@@ -233,8 +233,11 @@ def _run(
     table = explorer.table
     history = explorer.history
     if table is None:
-        again = "put it right, and the same command goes on"
-        if history.is_over or history.is_by_limits:
+        again = (
+            "put it right, and the same command goes on; for other limits remove "
+            f"{journal}, or give another --out"
+        )
+        if history.is_over:
             again = f"remove {journal}, or give another --out"
         raise ConfigError(
             f"{state.sentence}; without a push of full length there is no result to "
@@ -267,9 +270,10 @@ def _run(
                 f"`pushfit next {out / 'peaks.csv'} --config {out / SETTINGS}`, "
                 "with the same --ask, --width, --sigma and --max-force"
             )
-    elif not history.is_by_limits:
+    else:
         session.say(
-            f"put it right, and the same command with --force goes on with {journal}"
+            f"put it right, and the same command with --force goes on with {journal}; "
+            "other limits need another --out"
         )
     if json:
         session.print_json({**summary_dict(found), "exploration": state_dict(state)})

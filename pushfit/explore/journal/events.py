@@ -37,12 +37,12 @@ INTERRUPTED = "interrupted"
 ABANDONED = "abandoned"
 # Reasons of pushes that were never made, or that died with the process.
 NOT_MADE = frozenset({INTERRUPTED, PushStatus.OUT_OF_REACH.value, ABANDONED})
-# What to do where the same exploration would fail again: a journal keeps its limits.
+# What to do where pushes fail for a reason; a journal keeps the limits that it has.
 CURES = {
     PushStatus.OUT_OF_REACH.value: "where the finger cannot go, begin anew with a "
     "narrower reach",
-    "no_pushes": "where nothing is felt, begin anew with a higher force limit, or look "
-    "whether the sensor is connected",
+    "no_pushes": "where nothing is felt, look whether the sensor is connected, or "
+    "begin anew with a higher force limit",
 }
 # Differences that are named, and letters of a value where these are too many.
 MOST_SHOWN, LONG, SHORT = 4, 40, 12
@@ -131,11 +131,6 @@ class History:
         """Pushes that the hand of this exploration has made and come back from."""
         own = sum(not row.is_attached for row in self.told)
         return own + sum(f.reason not in NOT_MADE for f in self.failures)
-
-    @property
-    def is_by_limits(self) -> bool:
-        """Whether the last pushes failed by limits, which a journal keeps."""
-        return any(f.reason in CURES for f in self.in_a_row)
 
     @property
     def failures_in_words(self) -> str:

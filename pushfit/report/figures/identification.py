@@ -205,9 +205,8 @@ def _angle(identification: Identification, name: str) -> Maker:
         curve = (profile.values, profile.delta_chi_square)
         pieces, freedom = profile.pieces, profile.degrees_of_freedom
     modes = [m.theta_c_deg for m in identification.fit.modes if m.theta_c_deg]
-    if answer.name == "alpha_star":
-        modes = []
-    if answer.name == "alpha_star" and identification.config.reach.is_whole:
+    is_axis = answer.name == "alpha_star"
+    if is_axis and identification.config.reach.is_whole:
         # Draws, profile and sets of an axis may each start at another azimuth.
         draws, prior = draws % HALF_TURN, prior % HALF_TURN
         pieces = within_half_turn(pieces)
@@ -224,7 +223,7 @@ def _angle(identification: Identification, name: str) -> Maker:
         likelihood_pieces=pieces,
         level=threshold(quantity.prob, freedom),
         prob=quantity.prob,
-        modes=modes,
+        modes=[] if is_axis else modes,
     )
 
 
