@@ -74,9 +74,10 @@ def _write_content(
     for name, content in extra.items():
         (folder / name).write_bytes(content)
     write_table(identification.table, folder / "peaks.csv")
-    # In memory first: where the disk is full, HDF5 takes the process down with it.
-    posterior = posterior_tree(identification).to_netcdf(None, engine="h5netcdf")
-    (folder / "result.nc").write_bytes(posterior)
+    # In memory first: where the disk is full, HDF5 takes the process down with it. A
+    # view that an error keeps would be complained of when its stream is collected.
+    with posterior_tree(identification).to_netcdf(None, engine="h5netcdf") as posterior:
+        (folder / "result.nc").write_bytes(posterior)
     summary = json.dumps(
         summary_dict(identification), indent=2, ensure_ascii=False, allow_nan=False
     )
