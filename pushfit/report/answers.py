@@ -237,22 +237,17 @@ def _reach_remark(answer: AnswerText, reach: tuple[float, float]) -> str:
 def _model_free_remark(
     quantity: Quantity, free: Quantity | None, reach: ReachSection
 ) -> str:
-    """What a cosine through the heights alone gives, and whether that is the same.
-
-    It is counted from where the reach begins.
-    """
+    """What a cosine through the heights alone gives, and whether that is the same."""
     if free is None or free.estimate is None:
         return ""
-    first = 0.0 if reach.is_whole else reach.alpha_deg[0]
     is_bare = quantity.estimate is not None and quantity.interval is None
     if free.interval is None or is_bare:
-        number = format_angle(first + (free.estimate - first) % HALF_TURN)
+        number = format_angle(free.estimate)
         return f"A cosine through the heights alone gives {number}."
     low, high = free.interval
     spread = high - low
-    number = format_angle(first + (free.estimate - first) % HALF_TURN, spread=spread)
-    start = first + (low - first) % HALF_TURN
-    words = format_range(start, start + spread, "deg", is_axis=reach.is_whole)
+    number = format_angle(free.estimate, spread=spread)
+    words = format_range(low, high, "deg", is_axis=reach.is_whole)
     number += f" ({words})"
     if quantity.estimate is None or quantity.interval is None:
         return f"A cosine through the heights alone gives {number}."

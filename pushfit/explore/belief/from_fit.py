@@ -203,11 +203,11 @@ def _told_by_draws(
     table, posterior, prob = drawn.table, drawn.posterior, drawn.settings.report.prob
     yield from convergence_warnings(posterior)
     if "alpha_star" in posterior.samples:
-        is_axis = drawn.settings.reach.is_whole
+        reach = drawn.settings.reach
         quantity = angle_quantity(
-            "alpha_star", posterior, None, prob=prob, is_axis=is_axis
+            "alpha_star", posterior, None, prob=prob, is_axis=reach.is_whole
         )
-        free = model_free_direction(table, prob=prob, seed=seed)
+        free = model_free_direction(table, reach=reach, prob=prob, seed=seed)
         yield from direction_disagreement(quantity, free)
     checks = predictive_checks(table, drawn.setup, posterior, seed=seed)
     missed = missed_features(checks) or _unexplained(drawn, n_told)

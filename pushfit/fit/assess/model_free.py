@@ -11,8 +11,10 @@ import numpy as np
 import scipy
 from jaxtyping import Float, Int
 
+from pushfit.config.schema import ReachSection
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.problem.derived import (
+    axis_within,
     equal_tailed_interval,
     highest_density_set,
     median,
@@ -26,9 +28,9 @@ N_DRAWS = 4000
 
 
 def model_free_direction(
-    table: PeakTable, *, prob: float, seed: int
+    table: PeakTable, *, reach: ReachSection, prob: float, seed: int
 ) -> Quantity | None:
-    """Direction of least height by a cosine of period 180°.
+    """Direction of least height within the reach by a cosine of period 180°.
 
     Args:
         table: Peak heights; the first channel present is used.
@@ -53,16 +55,19 @@ def model_free_direction(
     # Multivariate t: sigma is known only from the residuals.
     scale = np.sqrt(dof / rng.chisquare(dof, N_DRAWS))
     noise = rng.multivariate_normal(np.zeros(2), spread, N_DRAWS) * scale[:, None]
-    draws = _minimum(wave + noise)
+    draws, least = _minimum(wave + noise), _minimum(wave[None])
+    is_axis = reach.is_whole
+    if not is_axis:
+        draws, least = (axis_within(a, *reach.alpha_deg) for a in (draws, least))
     is_round = _amplitude_may_vanish(wave, spread, dof=dof, prob=prob)
-    interval = equal_tailed_interval(draws, prob, is_axis=True)
+    interval = equal_tailed_interval(draws, prob, is_axis=is_axis)
     return Quantity(
         name="alpha_star_model_free",
         unit="deg",
-        estimate=None if is_round else median(_minimum(wave[None]), is_axis=True),
+        estimate=None if is_round else median(least, is_axis=is_axis),
         interval=None if is_round else interval,
         prob=prob,
-        sets=() if is_round else highest_density_set(draws, prob, is_axis=True),
+        sets=() if is_round else highest_density_set(draws, prob, is_axis=is_axis),
         likelihood_sets=(),
         verdict=Verdict.NOT_DETERMINED if is_round else Verdict.DETERMINED,
         contraction=None,

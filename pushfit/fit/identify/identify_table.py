@@ -171,7 +171,9 @@ def _conclude(
             by_draws="f1" in problem.data_names
             and "alpha_star" not in imposable(problem),
         ),
-        alpha_star_model_free=model_free_direction(fitted.table, prob=prob, seed=seed),
+        alpha_star_model_free=model_free_direction(
+            fitted.table, reach=fitted.config.reach, prob=prob, seed=seed
+        ),
         parameters=parameters,
         combinations=combinations,
         profiles=profiles,

@@ -214,6 +214,21 @@ def highest_density_set(
     )
 
 
+def axis_within(
+    degrees: Float[np.ndarray, " n"], low: float, high: float
+) -> Float[np.ndarray, " n"]:
+    """Axes as azimuths from `low` to `high`; those beyond count at the nearer end.
+
+    Args:
+        degrees: Azimuths of period 180° [deg].
+        low: Lowest azimuth of the reach [deg].
+        high: Highest, less than a half turn above it [deg].
+    """
+    angle = low + np.mod(degrees - low, HALF_TURN)
+    is_low = low + HALF_TURN - angle < angle - high
+    return np.where(angle <= high, angle, np.where(is_low, low, high))
+
+
 def unwrapped(
     degrees: Float[np.ndarray, " n"],
 ) -> tuple[float, Float[np.ndarray, " n"]]:

@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float
 
-from pushfit.fit.problem.derived import critical_angles
+from pushfit.fit.problem.derived import axis_within, critical_angles
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.setup import Setup
 from pushfit.fit.profiles.conditional_likelihood import imposable
@@ -206,8 +206,7 @@ def _axis_profile(
         at_ends = np.interp(inside, angle[order], delta[order], period=180.0)
         angle = np.concatenate([angle, inside])
         delta = np.concatenate([delta, at_ends])
-        to_low = low + 180.0 - angle < angle - high
-        angle = np.where(angle <= high, angle, np.where(to_low, low, high))
+        angle = axis_within(angle, low, high)
     order = np.lexsort((delta, angle))
     kept = order[np.diff(angle[order], prepend=-np.inf) > 0]
     angle, delta = angle[kept], delta[kept]

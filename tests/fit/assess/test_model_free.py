@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from pushfit.config.schema import ReachSection
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.model_free import model_free_direction
 from pushfit.fit.results import Verdict
@@ -13,6 +14,8 @@ OF_NOISE = 1e-6
 # Tables, and four binomial sd of how many of their 90 % intervals hold the truth.
 N_TABLES = 300
 CHANCE = MAX_Z * np.sqrt(N_TABLES * 0.9 * 0.1)
+
+REACH = ReachSection()
 
 ALPHA_DEG = np.tile(np.arange(0.0, 180.0, 30.0), 3)
 
@@ -31,16 +34,39 @@ def wave_table(axis_deg: float, amplitude: float, noise: float, seed: int = 0):
 
 @pytest.mark.parametrize("axis_deg", [65.0, 1.0, 179.0])
 def test_minimum_of_a_pure_wave_is_exact(axis_deg):
-    found = model_free_direction(wave_table(axis_deg, 1.0, 1e-9), prob=0.9, seed=0)
+    found = model_free_direction(
+        wave_table(axis_deg, 1.0, 1e-9), reach=REACH, prob=0.9, seed=0
+    )
     assert found is not None
     np.testing.assert_allclose(found.estimate, axis_deg, atol=OF_NOISE)
+
+
+@pytest.mark.parametrize(
+    ("alpha_deg", "expected"),
+    [
+        ((-150.0, -80.0), -115.0),
+        ((100.0, 260.0), 245.0),
+        ((-80.0, -20.0), -80.0),  # that is 100, nearer to 65 than -20, that is 160
+        ((-10.0, 40.0), 40.0),
+    ],
+)
+def test_the_minimum_lies_within_the_reach(alpha_deg, expected):
+    reach = ReachSection(alpha_deg=alpha_deg)
+    table = wave_table(65.0, 1.0, 1e-9)
+    found = model_free_direction(table, reach=reach, prob=0.9, seed=0)
+    assert found is not None
+    assert found.interval is not None
+    ends = np.array([found.estimate, *found.interval])
+    np.testing.assert_allclose(ends, expected, rtol=0, atol=OF_NOISE)
 
 
 @pytest.mark.slow
 def test_interval_covers_the_axis_as_often_as_it_says():
     n_covered = 0
     for seed in range(N_TABLES):
-        found = model_free_direction(wave_table(65.0, 1.0, 0.3, seed), prob=0.9, seed=1)
+        found = model_free_direction(
+            wave_table(65.0, 1.0, 0.3, seed), reach=REACH, prob=0.9, seed=1
+        )
         assert found is not None
         if found.interval is not None:
             low, high = found.interval
@@ -49,7 +75,9 @@ def test_interval_covers_the_axis_as_often_as_it_says():
 
 
 def test_round_heights_have_no_direction():
-    found = model_free_direction(wave_table(65.0, 0.0, 0.3), prob=0.9, seed=0)
+    found = model_free_direction(
+        wave_table(65.0, 0.0, 0.3), reach=REACH, prob=0.9, seed=0
+    )
     assert found is not None
     assert found.verdict is Verdict.NOT_DETERMINED
     assert found.estimate is None
@@ -63,4 +91,4 @@ def test_two_azimuths_are_no_sweep():
         heights={"height": np.arange(6.0) + 1},
         unit="n",
     )
-    assert model_free_direction(table, prob=0.9, seed=0) is None
+    assert model_free_direction(table, reach=REACH, prob=0.9, seed=0) is None
