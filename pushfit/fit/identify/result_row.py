@@ -47,6 +47,9 @@ def flat_values(identification: Identification) -> dict[str, Cell]:
     }
     for quantity in (found.theta_c, found.alpha_star):
         row |= _angle(quantity)
+    # Without it readers cannot tell whether 183° is 3°.
+    is_axis = found.config.reach.is_whole
+    row["alpha_star_period_deg"] = HALF_TURN if is_axis else None
     row["reference_alpha_deg"] = found.reference_alpha_deg
     for quantity in (*found.combinations, *found.parameters):
         row |= _number(quantity)

@@ -46,12 +46,14 @@ class Entry:
         estimate: None if not quoted.
         pieces: Interval or set to draw; None for an open end.
         unit: Unit of both.
+        is_axis: Whether 180° is 0°.
         verdict: What may be said, in a word.
     """
 
     estimate: float | None
     pieces: tuple[Piece, ...]
     unit: str
+    is_axis: bool
     verdict: str
 
 
@@ -95,8 +97,9 @@ def render_batch(
             this one), `status`, `chi_square_p`, `warnings` (codes joined by ";") and
             `message`; of the angles `theta_c` and
             `alpha_star` the columns `<name>_deg`, `<name>_low_deg`, `<name>_high_deg`,
-            `<name>_sets` (JSON) and `<name>_verdict`; of `A`, `B` and `C_rr` the same
-            without `_deg`, and `<name>_unit`. Columns and cells may be missing.
+            `<name>_sets` (JSON), `<name>_verdict` and, of an axis,
+            `<name>_period_deg`; of `A`, `B` and `C_rr` the same without `_deg`, and
+            `<name>_unit`. Columns and cells may be missing.
         population: One row per quantity: `quantity`, `unit`, `mean`, `mean_low`,
             `mean_high`, `spread`, `spread_low`, `spread_high`, `n_items`, and
             `outliers`, `not_usable` and `provisional`, names of items joined by
@@ -150,6 +153,7 @@ def _entry(record: Record, name: str) -> Entry:
         estimate=_number(record, f"{name}{suffix}"),
         pieces=pieces,
         unit="deg" if suffix else _word(record, f"{name}_unit"),
+        is_axis=_number(record, f"{name}_period_deg") is not None,
         verdict=verdict_word(Verdict(verdict)) if is_known else verdict,
     )
 
@@ -199,7 +203,7 @@ def _cell(entry: Entry, axis: Axis) -> dict[str, object]:
         spread = spread_of(middle, ends) if ends[0] < ends[1] else None
     ranges = join_or(
         [
-            format_range(*p, entry.unit, spread=spread, is_axis=True)
+            format_range(*p, entry.unit, spread=spread, is_axis=entry.is_axis)
             for p in entry.pieces
         ]
     )
@@ -208,7 +212,7 @@ def _cell(entry: Entry, axis: Axis) -> dict[str, object]:
         # On the axis of an interval across the seam it may lie beyond a half turn.
         starts = [low for low, _ in entry.pieces if low is not None]
         is_beyond = min(starts, default=HALF_TURN) < HALF_TURN < entry.estimate
-        is_beyond &= entry.unit == "deg"
+        is_beyond &= entry.is_axis
         shown = entry.estimate - HALF_TURN * is_beyond
         value = with_unit(format_number(shown, spread=spread), entry.unit)
     bars = []

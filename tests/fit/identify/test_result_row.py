@@ -68,5 +68,15 @@ def test_an_axis_lies_between_the_ends_of_its_interval(estimate, on_axis):
     assert row["alpha_star_low_deg"] < on_axis < row["alpha_star_high_deg"]
 
 
+@pytest.mark.parametrize(
+    ("alpha_deg", "period"), [((100.0, 260.0), None), ((-90.0, 90.0), 180.0)]
+)
+def test_an_axis_has_its_period_where_all_azimuths_are_reached(alpha_deg, period):
+    whole = make_whole(with_alpha=True)
+    settings = whole.config.with_keys("reach", alpha_deg=alpha_deg)
+    row = flat_values(replace(whole, config=settings))
+    assert row["alpha_star_period_deg"] == period
+
+
 def test_a_fixed_angle_has_no_prior():
     assert prior_of_angle(np.array([45.0]), np.full(4000, 45.0)) is None

@@ -74,12 +74,22 @@ def bars(row: str) -> list[tuple[float, float]]:
     return [(float(x), float(x) + float(width)) for x, width in found]
 
 
-def test_an_axis_beyond_a_half_turn_is_said_as_an_azimuth(frame):
+@pytest.mark.parametrize(
+    ("period", "estimate", "interval"),
+    [
+        (180.0, "3.0°", "174.0° to 180° and on to 7.0°"),
+        (None, "183.0°", "174.0° to 187.0°"),
+    ],
+)
+def test_an_axis_alone_starts_again_after_a_half_turn(
+    frame, period, estimate, interval
+):
     row = {"alpha_star_deg": 183.0, "alpha_star_verdict": "determined"}
+    row |= {"alpha_star_period_deg": period}
     row |= {"alpha_star_low_deg": 174.0, "alpha_star_high_deg": 187.0}
     first = rows(render_batch(frame.assign(**row)))[0]
-    assert ">3.0°" in re.sub(r"\s", "", first)
-    assert "183.0°" not in first
+    assert f">{estimate}<" in first
+    assert f">{interval}<" in first
 
 
 def test_bars_of_all_items_share_one_scale(frame):
