@@ -181,6 +181,7 @@ def measure_components(
             signs=signs,
             limit=settings.limit,
             sigma=np.zeros(len(extents)),
+            is_symmetric=True,
         )
         # A channel that a push leaves alone dwells at its largest reading as well, and
         # one that never moves has no noise but rounding.

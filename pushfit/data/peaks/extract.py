@@ -238,8 +238,10 @@ class _Look:
         chosen = paired.chosen
         turned = -1.0 if settings.invert else 1.0
         is_force = settings.normal is not None
-        # The limit is that of the channel, not of its picture.
-        limit = None if settings.limit is None or is_force else turned * settings.limit
+        limit = settings.limit
+        if limit is not None:
+            # It is that of channels, not of their picture: a length of forces has none.
+            limit = np.inf if is_force else turned * limit
         # What is left out may show where the sensor ends.
         humps = [*chosen, *paired.left_out]
         measured = measure_heights(

@@ -56,6 +56,7 @@ def saturated_pushes(
     sigma: Float[np.ndarray, " p"],
     held: Bool[np.ndarray, " p"] | None = None,
     quantum: float = 0.0,
+    is_symmetric: bool = False,
 ) -> Bool[np.ndarray, " p"]:
     """Find the pushes that reach the end of the range.
 
@@ -63,11 +64,13 @@ def saturated_pushes(
         signal: Samples [unit].
         signs: 1 for a push that goes up, -1 for one that goes down.
         limit: Largest reading of the sensor; None to recognise it. Where a push goes
-            down, it is that of the reversed signal, and recognised as well [unit].
+            down, it is that of the reversed signal, and recognised as well unless
+            `is_symmetric` [unit].
         sigma: Noise of a sample at rest beside each push; 0 where it is not known, so
             that only equal readings show a limit [unit].
         held: Whether each is held at a level; None if none is.
         quantum: Resolution [unit].
+        is_symmetric: Whether the range is as wide below zero as above, as of a force.
     """
     held = np.zeros(len(extents), dtype=bool) if held is None else held
     is_push = np.array([not extent.is_brush for extent in extents])
@@ -79,7 +82,7 @@ def saturated_pushes(
         rows = [k for k, own in enumerate(signs) if own == sign]
         tops = [sign * signal[extents[k].start : extents[k].end] for k in rows]
         end = np.inf if limit is None else limit
-        if limit is None or sign < 0:
+        if limit is None or (sign < 0 and not is_symmetric):
             found = _Tops(
                 readings=tops,
                 highest=np.array([float(top.max(initial=-np.inf)) for top in tops]),

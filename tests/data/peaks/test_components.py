@@ -125,6 +125,30 @@ def test_a_push_beyond_the_range_of_one_component_is_flagged(made):
     assert not flagged[np.asarray(made.truth.height_normal) < 0.9 * end].any()
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("cut", ["fz", "all"])
+def test_a_stated_limit_of_forces_is_believed(made, sign, cut):
+    """That of all ends where their length does, which is no limit of a component."""
+    forces = made.recording.channels
+    length = np.linalg.norm(list(forces.values()), axis=0)
+    end = {"fz": 0.6 * forces["fz"].max(), "all": 0.6 * length.max()}[cut]
+    within = np.minimum(1.0, end / length)
+    channels = {name: sign * own * within for name, own in forces.items()}
+    if cut == "fz":
+        channels = forces | {"fz": sign * np.minimum(forces["fz"], end)}
+    recording = dataclasses.replace(made.recording, channels=channels)
+
+    def n_cut(limit):
+        settings = PeakSettings(normal="fz", limit=limit)
+        table = extract_peaks(recording, THETA_SWEEP, settings=settings)
+        return sum("saturated" in flags for flags in table.flags)
+
+    assert n_cut(None) > 0
+    assert n_cut(2.0 * end) == 0
+    if cut == "fz":
+        assert n_cut(end) > 0
+
+
 def pushes_with_jerks(course, *, jerk=0.0, at=0.0, axis="fz", rate=100):
     """Four pushes of 5 N along and 2 N across, each with a jerk of 50 ms.
 
