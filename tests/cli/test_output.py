@@ -90,6 +90,23 @@ def test_no_output_takes_the_place_of_another(
     assert sorted(tmp_path.rglob("*")) == there
 
 
+@pytest.mark.parametrize("force", [[], ["--force"]])
+@pytest.mark.parametrize("checkpoint", ["o/chain", "o/deep/chain", "link/chain"])
+def test_what_is_kept_beside_a_result_is_not_in_its_folder(
+    checkpoint, force, tmp_path, monkeypatch, capsys
+):
+    """A result, once computed, would not have replaced the folder."""
+    monkeypatch.chdir(tmp_path)
+    Path("link").symlink_to("o")
+    Path("o").mkdir()
+    Path("peaks.csv").write_text("theta_deg,height_n\n10,1\n")
+    words = ["fit", "peaks.csv", "--out", "o", "--checkpoint", checkpoint]
+    assert main([*words, *force]) == 2
+    said = capsys.readouterr().err
+    assert f"error: {checkpoint}: lies in o, which is replaced as a whole" in said
+    assert not list(Path("o").iterdir())
+
+
 # Takes a file from nobody, not even from root.
 CLOSED = Path("/proc")
 

@@ -104,7 +104,7 @@ def analyse(
     """
     # Before anything is loaded, so that a name already taken costs nothing.
     if wanted.out is not None:
-        check_target(wanted.out, force=wanted.force)
+        check_target(wanted.out, force=wanted.force, checkpoint=wanted.checkpoint)
         warn_of_missing(session, *PARTS)
     if "recordings" in inputs:
         # Which takes as long as JAX does.

@@ -80,12 +80,21 @@ def refuse_twice(outputs: Sequence[Path]) -> None:
             )
 
 
-def check_target(out: Path, *, force: bool) -> None:
+def check_target(out: Path, *, force: bool, checkpoint: Path | None = None) -> None:
     """Refuse a target before anything is computed for it.
 
+    Args:
+        checkpoint: Where the same command keeps a chain; None where it keeps none.
+
     Raises:
-        ConfigError: As in `write_result_folder`.
+        ConfigError: As in `write_result_folder`, or the checkpoint would be inside.
     """
+    if checkpoint is not None and out.resolve() in checkpoint.resolve().parents:
+        raise ConfigError(
+            f"{checkpoint}: lies in {out}, which is replaced as a whole; name a place "
+            "outside of it",
+            code="output_within",
+        )
     check_place(out)
     if out.exists() and not force:
         raise ConfigError(
