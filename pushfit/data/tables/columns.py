@@ -6,12 +6,10 @@ remedy). Excluded: which columns a kind of table has, and the rules for their ce
 (`pushfit.data.tables.rules`).
 """
 
-import difflib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -19,10 +17,11 @@ from jaxtyping import Float, Int
 
 from pushfit.data.recordings import recognise
 from pushfit.data.recordings.recognise import ANGLES
+from pushfit.data.tables.names import Known, any_name, near_names, nearest_stem
 from pushfit.data.text.csv_reader import read_cells
 from pushfit.data.text.dialects import find_layout
 from pushfit.data.text.explain import Kind
-from pushfit.data.text.faults import ALIKE, data_error, in_runs, problem
+from pushfit.data.text.faults import data_error, in_runs, problem
 from pushfit.data.text.files import PARQUET, Source, sha256_of
 from pushfit.data.text.textfile import open_text
 from pushfit.data.units import UNITS, Unit, in_degrees
@@ -30,8 +29,6 @@ from pushfit.errors import ConfigError, DataError, InputProblem
 
 COUNTS = ("push", "repeat")
 
-# Columns that a kind of table may have, without units, and what each one holds.
-Known = Mapping[str, Literal["angle", "signal", "time", "bare"]]
 # Those of every kind.
 COMMON: Known = {**dict.fromkeys(ANGLES, "angle"), **dict.fromkeys(COUNTS, "bare")}
 
@@ -236,14 +233,14 @@ def _recognise(
 ) -> tuple[dict[str, _Column], list[str]]:
     """Which column is what, and the columns left out."""
     found: dict[str, _Column] = {}
-    left_out: dict[str, str] = {}
+    left_out: dict[str, _Column] = {}
     problems = []
     columns = recognise.RecordingColumns([str(name) for name in raw.columns])
     for i, (given, stem) in enumerate(zip(columns.names, columns.stems, strict=True)):
         unit = columns.unit(i)
         column = _Column(given=given, stem=stem, unit=unit)
         if known.get(stem) != (unit.quantity if unit else "bare"):
-            left_out[given] = stem
+            left_out[given] = column
         elif column.stem in found:
             first = found[column.stem].given
             text = f"{first!r} and {given!r} are both {column.stem}; remove one of them"
@@ -260,7 +257,7 @@ def _recognise(
 
 def _doubtful(
     found: dict[str, _Column],
-    left_out: dict[str, str],
+    left_out: dict[str, _Column],
     known: Known,
     *,
     origin: Origin,
@@ -269,39 +266,18 @@ def _doubtful(
     """Names that look like a slip, and columns that a table cannot do without."""
     have = ", ".join([*(c.given for c in found.values()), *left_out])
     meant = set(found)
-    stem_of = {_sorted_words(stem): stem for stem in known}
-    for given, name in left_out.items():
-        near = difflib.get_close_matches(
-            _sorted_words(name), list(stem_of), n=1, cutoff=ALIKE
-        )
-        stem = stem_of[near[0]] if near else None
+    for given, column in left_out.items():
+        stem = nearest_stem(column.stem, known, taken=meant)
         if stem and stem not in meant:
             meant.add(stem)
-            text = f"is not known here; did you mean {_full_names(stem, known)}?"
+            names = near_names(column.stem, column.unit, stem, known[stem])
+            text = f"is not known here; did you mean {names}?"
             yield origin.problem("near_miss_column", text, column=given, value=given)
     for stems in (*((stem,) for stem in ANGLES), any_of):
         if stems and not meant.intersection(stems):
             text = f"is missing; the columns are {have}; add it or rename one"
-            wanted = _full_names(stems[0], known)
+            wanted = any_name(stems[0], known[stems[0]])
             yield origin.problem("missing_column", text, column=wanted, value=have)
-
-
-def _sorted_words(name: str) -> str:
-    """A name whose words may be in any order, as `height_sd_normal`."""
-    return "_".join(sorted(name.split("_")))
-
-
-def _full_names(stem: str, known: Known) -> str:
-    """A stem with the suffixes it may have."""
-    match known[stem]:
-        case "bare":
-            return stem
-        case "angle":
-            return f"{stem}_deg or {stem}_rad"
-        case "time":
-            return f"{stem}_s"
-        case "signal":
-            return ", ".join(f"{stem}_{unit}" for unit in recognise.units_of("signal"))
 
 
 def _common_unit(found: dict[str, _Column], origin: Origin) -> str | None:

@@ -186,8 +186,18 @@ def test_unknown_columns_are_left_out_with_a_note(tmp_path):
     [
         ("theta,alpha_deg,height_n", "theta", "theta_deg or theta_rad"),
         ("theta_deg,alpha_deg,height", "height", "height_n, height_mn"),
-        ("theta_deg,alpha_deg,heigth_n", "heigth_n", "height_n, height_mn"),
-        ("thetta_deg,alpha_deg,height_n", "thetta_deg", "theta_deg or theta_rad"),
+        (
+            "theta_deg,alpha_deg,height_kN",
+            "height_kN",
+            "height_n, height_un or height_mn?",
+        ),
+        (
+            "theta_deg,alpha_deg,height_kpas",
+            "height_kpas",
+            "height_kpa, height_pa or height_au?",
+        ),
+        ("theta_deg,alpha_deg,heigth_n", "heigth_n", "height_n?"),
+        ("thetta_deg,alpha_deg,height_n", "thetta_deg", "theta_deg?"),
     ],
 )
 def test_near_misses_are_asked_about(tmp_path, header, found, meant):
