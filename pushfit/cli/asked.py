@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from pushfit.cli import options
+from pushfit.errors import ConfigError
 from pushfit.parameters import SensorUnit
 
 if TYPE_CHECKING:
@@ -122,7 +123,19 @@ class Asked:
 
 
 def sensor_unit(*settings: "GraspConfig", stated: SensorUnit | None) -> str:
-    """Unit of a sensor that no table tells of: as stated, or that of a preload."""
-    of_preload = [one.grasp.preload[1] for one in settings]
-    first, *_ = filter(None, (stated, *of_preload, "n"))
-    return first
+    """Unit of a sensor that no table tells of: as stated, or that of a preload.
+
+    Raises:
+        ConfigError: A preload is not known in the unit that is stated.
+    """
+    of_preload = [*filter(None, (one.grasp.preload[1] for one in settings))]
+    if stated is None:
+        return next(iter(of_preload), "n")
+    same = set(of_preload)
+    hint = f", or `unit={same.pop()!r}` for heights in it" if len(same) == 1 else ""
+    for one in settings:
+        try:
+            one.preload_in(stated)
+        except ConfigError as error:
+            raise ConfigError(f"{error}{hint}", code=error.code) from None
+    return stated

@@ -331,6 +331,23 @@ def test_a_hand_reaches_what_the_settings_say_unless_its_grasp_says_otherwise(
         assert advice in said
 
 
+@pytest.mark.parametrize("command", ["next", "explore"])
+@pytest.mark.parametrize("preload", ["preload_kpa = 2.0", ""])
+def test_a_unit_that_the_preload_is_not_in_is_refused_with_the_one_that_it_is(
+    command, preload, tmp_path, capsys
+):
+    """Without --truth the preload of the example is in kilopascals, too."""
+    grasp, out = tmp_path / "grasp.toml", tmp_path / "run"
+    grasp.write_text(f"[push]\nlength_mm = 5.0\n[grasp]\n{preload}\n")
+    words = ["--config", str(grasp), "--unit", "n", "--sigma", "0.1"]
+    if command == "explore":
+        words += ["--hand", "simulated", "--out", str(out)]
+    is_refused = bool(preload) or command == "explore"
+    assert main([command, *words]) == (2 if is_refused else 0)
+    said = capsys.readouterr().err
+    assert ("add the factor to [sensor], or --unit kpa for" in said) is is_refused
+
+
 def test_without_a_word_a_hand_explores_the_example_by_what_is_known_of_it(
     tmp_path, monkeypatch, capsys
 ):

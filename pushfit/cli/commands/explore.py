@@ -156,7 +156,8 @@ def explore(
         held = read_config(truth or example_folder() / "truth.toml")
         if "reach" not in held.model_fields_set:
             held = held.with_keys("reach", alpha_deg=settings.reach.alpha_deg)
-        sensor = sensor_unit(settings, held, stated=unit)
+        with naming_settings(truth or told):
+            sensor = sensor_unit(settings, held, stated=unit)
         made_by |= {"noise": noise, "scatter": scatter}
         made_by["truth"] = held.model_dump(mode="json", exclude_none=True)
         normal = settings.peaks.normal or "fz"
