@@ -52,7 +52,7 @@ class Origin:
         line = None if row is None or self.lines is None else int(self.lines[row])
         place = self.path or "table"
         if row is not None and line is None:
-            place += f", row {row}"
+            place += f", row {row + 1}"
         made = problem(code, text, path=place, line=line, column=column, value=value)
         return replace(made, path=self.path)
 

@@ -97,12 +97,12 @@ def read_grasps(path: str | Path) -> Iterator[GraspRows]:
     names = grasp_names(rows.frame)
     if names is None:
         raise refuse("no_grasp", "has no column grasp", path=str(path))
-    column = names.name
+    column = str(names.name)
     if (names == "").any():
-        place = rows.origin.places(np.flatnonzero(names == "")[:1])
-        raise DataError(
-            f"{path}, {place}, column {column}: is empty; name the grasp of every push",
-            code="no_grasp",
+        first = int(np.flatnonzero(names == "")[0])
+        text = "is empty; name the grasp of every push"
+        raise data_error(
+            [rows.origin.problem("no_grasp", text, row=first, column=column, value="")]
         )
     cells = rows.frame.drop(columns=column).reset_index(drop=True)
     hashes = _row_hashes(cells)

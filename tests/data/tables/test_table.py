@@ -218,6 +218,7 @@ def test_a_standard_deviation_of_a_component_is_asked_about(tmp_path, given, cap
     assert f"column {given}: is not known here; did you mean height_normal_sd_n" in said
 
 
+LONG_WITH_BLANK = "grasp,theta_deg,alpha_deg,height_n\na,15,90,1.0\n,30,90,2.0\n"
 BAD_CELLS = [
     ("30,90,2.0", "97,90,2.0", "theta_range", "theta_deg", "97"),
     ("30,90,2.0", "30,400,2.0", "alpha_range", "alpha_deg", "400"),
@@ -236,6 +237,22 @@ def test_a_bad_cell_is_named_by_line_column_and_value(
     assert f"line 3, column {column}: " in str(error)
     assert value in str(error)
     assert error.problems[0].line == 3
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "line"),
+    [("long.csv", "line 3", 3), ("long.parquet", "row 2", None)],
+)
+def test_a_push_that_names_no_grasp_is_named_by_line_and_column(
+    tmp_path, name, place, line
+):
+    path = written(tmp_path, LONG_WITH_BLANK, "long.csv")
+    if name.endswith("parquet"):
+        pd.read_csv(path).to_parquet(path := tmp_path / name)
+    with pytest.raises(DataError, match=f"{place}, column grasp: is empty") as caught:
+        read_tables(path)
+    (found,) = caught.value.problems
+    assert (found.code, found.line, found.column) == ("no_grasp", line, "grasp")
 
 
 def test_columns_that_are_not_used_may_hold_anything(tmp_path):
