@@ -19,6 +19,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 
 from pushfit.mechanics.numerics import asinhc, norm2, sinhc
 from pushfit.mechanics.registry import Mechanics, mechanics_named
+from pushfit.parameters import SIX
 
 jax.config.update("jax_enable_x64", True)
 
@@ -59,8 +60,8 @@ def unit_vector(angle: Float[Array, "*n"]) -> Float[Array, "xy=2 *n"]:
 class Parameters(eqx.Module):
     """The six parameters of the paper and the shape of the stiffness ellipse.
 
-    All six are above 0, but C_rr, which may be 0. Nothing here checks it, as values may
-    be traced: of others, the model gives numbers without a meaning.
+    All six are above 0, but C_rr, which may be 0. Of values that are traced, as under
+    `jit`, nothing here checks it: of others the model gives numbers without a meaning.
 
     Args:
         K_sn: Normal stiffness of the support finger, Eqs. (5), (6) [N/m].
@@ -72,6 +73,9 @@ class Parameters(eqx.Module):
         L: Distance between push contact and support contact, Eqs. (4), (7) [m].
         e1: Ellipse shape along x against y; |e| is the log ratio of the axes [-].
         e2: Ellipse shape along the diagonals; atan2(e2, e1)/2 is the stiff axis [-].
+
+    Raises:
+        ValueError: One of the six is not above 0, or C_rr is below.
     """
 
     K_sn: Scalar = eqx.field(converter=as_float)
@@ -82,6 +86,17 @@ class Parameters(eqx.Module):
     L: Scalar = eqx.field(converter=as_float)
     e1: Scalar = eqx.field(converter=as_float, default=0.0)
     e2: Scalar = eqx.field(converter=as_float, default=0.0)
+
+    def __check_init__(self) -> None:
+        """Refuse what no contact has."""
+        for name in SIX:
+            value = getattr(self, name)
+            if isinstance(value, Tracer):
+                continue
+            least, may_be_zero = np.asarray(value).min(), name == "C_rr"
+            if least < 0 or (least == 0 and not may_be_zero):
+                rule = "0 or above" if may_be_zero else "above 0"
+                raise ValueError(f"{name} = {least:g}: must be {rule}")
 
 
 class Pushes(eqx.Module):

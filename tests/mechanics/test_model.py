@@ -35,6 +35,9 @@ STEP = np.finfo(float).eps ** (1 / 3)
 # A central difference of numbers near 1 carries about eps / STEP = 4e-11 of rounding.
 DIFFERENCE_FLOOR = 1e-9
 
+SPRINGS = {"K_sn": 600.0, "K_dn": 300.0, "K_st": 400.0}
+SIX = {**SPRINGS, "C_rr": 0.5, "C_d": 0.25, "L": 0.025}
+
 relaxed = settings(max_examples=20)
 # Compiled once per case; that eager agrees is a test of its own.
 forces = eqx.filter_jit(model.forces)
@@ -379,3 +382,29 @@ def test_every_array_is_double_precision():
     leaves = jax.tree.leaves((params, grasp, pushes, contact(params), result))
     # A sharpness that no program traces stays a number.
     assert {np.asarray(leaf).dtype.name for leaf in leaves} == {"float64", "bool"}
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [*((name, 0.0) for name in SIX if name != "C_rr"), ("C_rr", -0.1)],
+)
+def test_what_no_contact_has_is_refused(name, value):
+    with pytest.raises(ValueError, match=f"{name} = {value:g}: must be "):
+        Parameters(**SIX | {name: value})
+    with pytest.raises(ValueError, match=f"{name} = -0.1: must be "):
+        Parameters(**SIX | {name: -0.1})
+
+
+def test_a_contact_that_always_rolls_has_no_rolling_friction():
+    assert float(Parameters(**SIX | {"C_rr": 0.0}).C_rr) == 0.0
+
+
+def test_traced_parameters_are_not_judged():
+    made = jax.jit(lambda value: Parameters(**SIX | {"K_sn": value}).K_sn)
+    assert float(made(-1.0)) == -1.0
+
+
+def test_known_parameters_are_judged_in_a_trace_as_well():
+    known = jnp.asarray(0.0, dtype=float)
+    with pytest.raises(ValueError, match="L = 0: must be above 0"):
+        jax.jit(lambda value: Parameters(**SIX | {"K_sn": value, "L": known}))(1.0)
