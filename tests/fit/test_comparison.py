@@ -17,7 +17,7 @@ from pushfit.fit import comparison
 from pushfit.fit.checks.push_densities import PushDensities
 from pushfit.fit.comparison import compare_models
 from pushfit.fit.problem.setup import build_problem
-from pushfit.model import forward
+from pushfit.model import Pushes, forward
 from tests.fit.tables import (
     SEVEN_DEG,
     case_table,
@@ -100,9 +100,12 @@ def test_a_table_that_cannot_be_right_is_refused(monkeypatch):
         compare_models(stuck, config())
 
 
-@pytest.mark.parametrize(("share", "is_told"), [(0.0, False), (0.2, True)])
+@pytest.mark.parametrize(
+    ("share", "erring_deg", "is_told"),
+    [(0.0, 0.0, False), (0.2, 0.0, True), (0.0, 3.0, False)],
+)
 def test_noise_that_residuals_have_none_of_is_no_other_model(
-    share, is_told, monkeypatch
+    share, erring_deg, is_told, monkeypatch
 ):
     """Beside a constant part that is stated; a fifth of the height is far above it."""
 
@@ -111,12 +114,17 @@ def test_noise_that_residuals_have_none_of_is_no_other_model(
 
     monkeypatch.setattr(comparison, "rival_configs", some)
     table = case_table(CASES["firm"], noise=0.05, seed=5, theta_deg=SEVEN_DEG)
-    clean = case_table(CASES["firm"], theta_deg=SEVEN_DEG).heights("height")
-    noise = np.random.default_rng(1).normal(size=clean.size)
+    rng = np.random.default_rng(1)
+    theta = np.radians(table.frame["theta_deg"].to_numpy())
+    theta += np.radians(erring_deg) * rng.normal(size=theta.size)
+    pushes = Pushes(theta, np.zeros(theta.size))
+    case = CASES["firm"]
+    clean = np.asarray(forward(case.params, pushes, case.grasp).height)
     # Half of what is stated, so that nothing is left beside it.
-    heights = clean + (0.025 + share * clean) * noise
+    heights = clean + (0.025 + share * clean) * rng.normal(size=clean.size)
     table = dataclasses.replace(table, frame=table.frame.assign(height_n=heights))
-    found = compare_models(table, config(), seed=0)
+    noise = '[noise]\ntheta_sd_deg = "estimate"\n' if erring_deg else ""
+    found = compare_models(table, config(noise), seed=0)
     names = {model.name for model in found.models}
     assert names == {"soft", "proportional"} - set(found.left_out)
     assert ("proportional" in names) is is_told

@@ -4,6 +4,7 @@ Excluded: which model predicts better (`pushfit.fit.comparison`), and fits witho
 of the pushes (`pushfit.fit.checks.leave_one_out`).
 """
 
+import contextlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -80,8 +81,9 @@ def left_out_density(
 ) -> tuple[float, float, float]:
     """Log density of one push given the others, Pareto k and effective parameters.
 
-    Where the largest weights are one number there is no tail to smooth: k is minus
-    infinity if all of them are, else nobody knows it and it is infinity.
+    Where the largest weights, or a quarter of them, are one number, as of a draw kept
+    many times, there is no tail to smooth: k is minus infinity if all weights are, else
+    nobody knows it and it is infinity.
 
     Args:
         log_likelihood: Of the push, at each draw of all of them.
@@ -89,14 +91,16 @@ def left_out_density(
     """
     from arviz_stats.base.array import array_stats  # noqa: PLC0415 - slow to load
 
-    try:
+    # "All tail values are the same", or a quarter of them, by which it divides.
+    with contextlib.suppress(ValueError), np.errstate(all="ignore"):
         found = array_stats.loo(log_likelihood[None, None], r_eff=efficiency)
         elpd, pareto_k, p_loo = (float(np.squeeze(value)) for value in found)
-    except ValueError:  # "All tail values are the same"
-        log_n = math.log(log_likelihood.size)
-        elpd = log_n - float(scipy.special.logsumexp(-log_likelihood))
-        pareto_k = math.inf if np.ptp(log_likelihood) > 0 else -math.inf
-        p_loo = float(scipy.special.logsumexp(log_likelihood)) - log_n - elpd
+        if math.isfinite(elpd):
+            return elpd, pareto_k, p_loo
+    log_n = math.log(log_likelihood.size)
+    elpd = log_n - float(scipy.special.logsumexp(-log_likelihood))
+    pareto_k = math.inf if np.ptp(log_likelihood) > 0 else -math.inf
+    p_loo = float(scipy.special.logsumexp(log_likelihood)) - log_n - elpd
     return elpd, pareto_k, p_loo
 
 

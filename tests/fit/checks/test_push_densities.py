@@ -33,6 +33,18 @@ def test_a_push_whose_largest_weights_are_one_number_has_a_density(low, pareto_k
     assert k == pareto_k
 
 
+def test_a_push_with_one_draw_at_a_quarter_of_its_largest_weights_has_a_density():
+    """Of 1000 draws 95 are smoothed; 45 of these are one, as is the largest below."""
+    log_likelihood = np.r_[np.linspace(-5.0, -4.0, 50), np.full(100, -3.0)]
+    log_likelihood = np.r_[log_likelihood, np.linspace(-2.0, -1.0, 850)]
+    elpd, k, p_loo = left_out_density(log_likelihood, 1.0)
+    expected = -np.log(np.mean(np.exp(-log_likelihood)))
+    np.testing.assert_allclose(elpd, expected, rtol=EXACT)
+    mean = np.mean(np.exp(log_likelihood))
+    np.testing.assert_allclose(p_loo, np.log(mean) - expected, rtol=EXACT)
+    assert k == np.inf
+
+
 def monte_carlo_error(log_likelihoods):
     """Five standard errors of ln mean(1/p) over independent draws."""
     weights = np.exp(np.min(log_likelihoods, axis=0) - log_likelihoods)
