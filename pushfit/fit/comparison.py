@@ -18,6 +18,7 @@ from pushfit.config.rivals import NOISES, rival_configs
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import DataError, check_seed
 from pushfit.fit.checks.model_checking import goodness_of_fit
+from pushfit.fit.checks.predictive import predictive_checks
 from pushfit.fit.checks.push_densities import PushDensities, push_densities
 from pushfit.fit.checks.table_checks import WRONG, table_warnings
 from pushfit.fit.identify.beside import Beside
@@ -276,7 +277,13 @@ def _score(name: str, fitted: Fitted, seed: int) -> ModelScore:
     problem, n_pushes = fitted.setup.problem, len(fitted.setup.rows)
     posterior = draw_posterior(fitted, seed=seed, engine="auto")
     is_trusted = posterior.status is FitStatus.OK
-    quality = goodness_of_fit(fitted.table, fitted.fit, fitted.setup.noise, seed=seed)
+    quality = goodness_of_fit(
+        fitted.table,
+        fitted.fit,
+        fitted.setup.noise,
+        seed=seed,
+        predictive=predictive_checks(fitted.table, fitted.setup, posterior, seed=seed),
+    )
     densities = None
     # No push that has something in common with others can be left out by itself.
     if is_trusted and problem.shared is None:

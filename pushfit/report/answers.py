@@ -134,6 +134,9 @@ def _angle_answer(
     elif verdict is Verdict.ABSENT:
         values, short = (), "does not exist"
         sentence = f"{subject} {short}: this contact never rolls."
+        before = identification.posterior.prior_samples.get(quantity.name, np.empty(0))
+        if before.size and np.mean(np.isnan(before)) >= quantity.prob:
+            sentence += " That is known without the heights, from settings and priors."
     elif estimate is None or verdict is Verdict.ASSUMED:
         values, pieces, short = (), (), "not determined by these data"
         sentence = f"{subject} is {short}: {_reason(identification, quantity)}."

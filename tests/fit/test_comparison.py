@@ -130,6 +130,15 @@ def test_noise_that_residuals_have_none_of_is_no_other_model(
     assert ("proportional" in names) is is_told
 
 
+def test_as_many_heights_as_unknowns_that_no_draw_meets_are_not_described(monkeypatch):
+    """Rolled, those of 5° and 10° are 1 : 2, else nearer; here they are 1 : 4."""
+    monkeypatch.setattr(comparison, "rival_configs", lambda c, **_: {"hard": c})
+    table = case_table(CASES["firm"], noise=2e-3, repeats=1, theta_deg=[5.0, 10.0, 15])
+    frame = table.frame.assign(height_n=[0.07, 0.31, 0.55])
+    (hard,) = compare_models(dataclasses.replace(table, frame=frame), config()).models
+    assert not hard.is_adequate
+
+
 @pytest.mark.slow
 def test_models_are_ranked_as_by_brute_force():
     """Evidence over a dense grid of ln A, ln B and ln C_rr, in NumPy."""

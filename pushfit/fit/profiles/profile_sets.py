@@ -54,8 +54,8 @@ def pieces_below(
         narrowest: Width that a barrier between two modes has at least.
 
     Returns:
-        Pieces, ascending. An end is None where the set runs to the end of the grid or
-        to values that are impossible: nothing measured bounds it there.
+        Pieces, ascending. The first or last end is None where the set runs to the end
+        of the grid or to values that are impossible: nothing measured bounds it there.
     """
     smooth = _without_ripples(values, delta, level, narrowest)
     is_inside = np.concatenate([[False], smooth, [False]])
@@ -66,7 +66,9 @@ def pieces_below(
 
     def end(inside: int, outside: int) -> float | None:
         if not 0 <= outside < values.size or not np.isfinite(root[outside]):
-            return None
+            # Between two pieces it is where the possible values end.
+            is_outer = inside == (starts[0] if outside < inside else stops[-1])
+            return None if is_outer else float(values[inside])
         share = (target - root[inside]) / (root[outside] - root[inside])
         return float(values[inside] + share * (values[outside] - values[inside]))
 
@@ -86,6 +88,8 @@ def _without_ripples(
     for i, j in itertools.pairwise(edges):
         is_gap = is_inside[i] and is_inside[j + 1]
         is_low = np.max(delta[i + 1 : j + 1]) < level + LOWEST_BARRIER
+        # Impossible values are at the ends; one between is a search that failed.
+        is_low |= j == i + 1 and np.isinf(delta[j])
         if is_gap and (is_low or values[j + 1] - values[i] < narrowest):
             is_inside[i + 1 : j + 1] = True
     return is_inside

@@ -59,7 +59,10 @@ class FirstLook(Listener):
         if theta_c is not None:
             pieces = join_or([format_range(*piece, "deg") for piece in theta_c.pieces])
             level = f"({100 * theta_c.prob:g} %, {_mechanics(fitted.setup)})"
-            self.tell(f"likelihood set of θ_c {level}: {pieces or 'empty'}")
+            modes = fitted.fit.modes
+            is_none = bool(modes) and modes[0].theta_c_deg is None
+            where = ", where the contact rolls" if is_none else ""
+            self.tell(f"likelihood set of θ_c {level}{where}: {pieces or 'empty'}")
 
 
 def _at(alpha: float) -> str:

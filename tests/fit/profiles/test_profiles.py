@@ -288,11 +288,14 @@ def test_a_barrier_that_no_hand_can_tell_parts_no_modes(width, n):
         ([np.inf, 0, 9], ((None, 4 / 3),), Verdict.ONE_SIDED),
         ([0, 0, 0], ((None, None),), Verdict.NOT_DETERMINED),
         ([0, 9, 0], ((None, 1 / 3), (5 / 3, None)), Verdict.SEVERAL_MODES),
+        ([0, np.inf, 0, 9], ((None, 7 / 3),), Verdict.ONE_SIDED),
+        ([0, np.inf, np.inf, 0], ((None, 0), (3, None)), Verdict.SEVERAL_MODES),
     ],
 )
 def test_sets_have_the_shape_of_the_profile(delta, pieces, verdict):
     """sqrt(Δχ²) is 3 at 9, so the level 1 is met a third of the way up."""
-    found = pieces_below(np.arange(3.0), np.array(delta, dtype=float), 1.0)
+    values = np.arange(float(len(delta)))
+    found = pieces_below(values, np.array(delta, dtype=float), 1.0)
     assert verdict_of(found) is verdict
     for one, other in zip(found, pieces, strict=True):
         for a, b in zip(one, other, strict=True):

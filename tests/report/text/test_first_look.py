@@ -94,5 +94,11 @@ def test_the_set_is_said_in_all_its_pieces(pieces, words):
         verdict=Verdict.DETERMINED,
     )
     said = []
-    FirstLook(tell=said.append).confined(partly(Fitted, setup=by("tilting")), profile)
-    assert said == [f"likelihood set of θ_c (90 %, tilting): {words}"]
+    for angle in (40.0, None):
+        fit = SimpleNamespace(modes=[SimpleNamespace(theta_c_deg=angle)])
+        fitted = partly(Fitted, setup=by("tilting"), fit=fit)
+        FirstLook(tell=said.append).confined(fitted, profile)
+    set_of = "likelihood set of θ_c (90 %, tilting)"
+    # Beside a best fit that never rolls.
+    others = f"{set_of}, where the contact rolls: {words}"
+    assert said == [f"{set_of}: {words}", others]

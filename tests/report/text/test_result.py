@@ -209,7 +209,13 @@ def test_a_contact_that_never_rolls_has_no_critical_angle(determined):
         "theta_c", posterior, determined.profiles["theta_c"], prob=0.9
     )
     result = reported(replace(determined, posterior=posterior, theta_c=theta_c))
-    assert "does not exist: this contact never rolls" in sentence_theta_c(result)
+    sentence = sentence_theta_c(result)
+    assert "does not exist: this contact never rolls" in sentence
+    assert "without the heights" not in sentence
+    # As of a preload, and a friction of which the heights tell nothing.
+    before = dict(posterior.prior_samples) | {"theta_c": draws["theta_c"]}
+    known = replace(posterior, prior_samples=before)
+    assert "without the heights" in sentence_theta_c(replace(result, posterior=known))
     # The likelihood of those that roll is not said beside it.
     assert dict(angle_rows(result))["θ_c"] == "does not exist"
 
