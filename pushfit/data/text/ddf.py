@@ -5,6 +5,7 @@ samples per second: all that it takes to read the file as it is. Excluded: the c
 themselves (`pushfit.data.text.csv_reader`).
 """
 
+import math
 from dataclasses import dataclass
 
 _FIRST = "DMCv"
@@ -17,7 +18,7 @@ class Preamble:
     """What a preamble states.
 
     Args:
-        rate: Samples per second; None where it is not stated [Hz].
+        rate: Samples per second; None where no positive number is stated [Hz].
         units: Unit of each column, as `500 mN/V`; empty where there is none.
     """
 
@@ -47,6 +48,15 @@ def read_preamble(lines: list[str], names: tuple[str, ...]) -> Preamble | None:
         (line.partition(":")[2].strip() for line in lines if line.startswith(_RATE)), ""
     )
     return Preamble(
-        rate=float(rate) if rate else None,
+        rate=_positive(rate),
         units=tuple(stated.get(name, "") for name in names),
     )
+
+
+def _positive(word: str) -> float | None:
+    """A number above 0; None where it is none."""
+    try:
+        number = float(word)
+    except ValueError:
+        return None
+    return number if 0 < number < math.inf else None

@@ -29,6 +29,14 @@ def log(write):
     return write(LOG + "".join(rows), "push.ddf")
 
 
+@pytest.mark.parametrize("rate", ["", "x", "NaN", "inf", "0", "-100"])
+def test_a_log_without_a_rate_asks_for_one(rate, log):
+    log.write_text(log.read_text().replace("(Hz): 100", f"(Hz): {rate}"))
+    with pytest.raises(DataError, match="no time column"):
+        read_recording(log)
+    np.testing.assert_allclose(read_recording(log, rate=100.0).time, [0, 0.01, 0.02])
+
+
 @pytest.mark.parametrize("gain", ["500 mN/V", "500.0mN/V", "0.5 N/V", "5e5 uN/V"])
 def test_a_unit_that_equals_that_of_the_file_may_be_stated(gain, log):
     recording = read_recording(log, units={"AI1": gain})
