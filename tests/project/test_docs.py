@@ -100,6 +100,16 @@ def test_all_commands_of_all_pages_work_in_order_in_one_folder(workplace, capsys
 
 
 @pytest.mark.slow
+def test_the_tutorial_shows_the_answer_that_its_command_prints(workplace, capsys):
+    page = ROOT / "docs" / "tutorial.md"
+    (identify,) = [words for words in commands(page) if words[0] == "identify"]
+    assert main(identify) == 0
+    shown = " ".join(page.read_text(encoding="utf-8").split())
+    for answer in capsys.readouterr().out.strip().split("\n\n")[-2:]:
+        assert " ".join(answer.split()) in shown
+
+
+@pytest.mark.slow
 def test_the_commands_of_an_exploration_print_what_the_page_shows(workplace, capsys):
     """In a folder that has nothing but the examples."""
     page = ROOT / "docs" / "exploration.md"
