@@ -98,7 +98,7 @@ def violations(
     free = residuals - basis @ (basis.T @ residuals)
     slope = steepness(slopes)[0][mask]
     found: list[Violation | None] = [
-        _steep(free, slope / fit.sigma),
+        _steep(free, slope / fit.sigma, any(setup.noise.angle_sd)),
         _tall(free, fit.predicted / fit.sigma, setup.noise.height_share != 0),
         None if setup.noise.shared else _repeat_by_repeat(table),
     ]
@@ -207,9 +207,11 @@ def _follows(
 
 
 def _steep(
-    free: Float[np.ndarray, " n"], slope: Float[np.ndarray, " n"]
+    free: Float[np.ndarray, " n"],
+    slope: Float[np.ndarray, " n"],
+    is_counted: bool = False,
 ) -> Violation | None:
-    """Scatter where heights are steep in θ: angles err."""
+    """Scatter where heights are steep in θ: angles err, if none of it counts."""
     p_value, excess = _scatter_follows(free, slope**2)
     if excess <= 0:
         return None
@@ -220,7 +222,13 @@ def _steep(
         code=ANGLE_ERRORS,
         p_value=p_value,
         text="heights scatter most where they are steep in θ, as if elevations erred "
-        f"by about {float(f'{size:.1g}'):g}°: set [noise] theta_sd_deg",
+        f"by about {float(f'{size:.1g}'):g}°"
+        + (
+            ", also beside what [noise] theta_sd_deg and alpha_sd_deg have of it: "
+            "compare it with what the joints do"
+            if is_counted
+            else ": set [noise] theta_sd_deg"
+        ),
     )
 
 

@@ -34,7 +34,8 @@ def test_a_log_without_a_rate_asks_for_one(rate, log):
     log.write_text(log.read_text().replace("(Hz): 100", f"(Hz): {rate}"))
     with pytest.raises(DataError, match="no time column"):
         read_recording(log)
-    np.testing.assert_allclose(read_recording(log, rate=100.0).time, [0, 0.01, 0.02])
+    time = read_recording(log, rate=100.0).time
+    np.testing.assert_allclose(time, [0.0, 0.01, 0.02], rtol=ROUNDING)
 
 
 @pytest.mark.parametrize("gain", ["500 mN/V", "500.0mN/V", "0.5 N/V", "5e5 uN/V"])

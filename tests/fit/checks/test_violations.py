@@ -144,6 +144,12 @@ def test_nobody_is_told_to_set_what_is_set(is_counted):
     told = _tall(np.linspace(0.0, 4.0, 40), np.linspace(0.0, 4.0, 40), is_counted)
     assert told is not None
     assert ("set [noise] height_share" in told.text) is not is_counted
+    slope = np.linspace(0.0, 100.0, 200)
+    rng = np.random.default_rng(0)
+    free = np.radians(5.0) * slope * rng.standard_normal(200)
+    told = _steep(free, slope, is_counted)
+    assert told is not None
+    assert ("set [noise] theta_sd_deg" in told.text) is not is_counted
 
 
 COMPONENTS = ("height_normal", "height_tangential")
