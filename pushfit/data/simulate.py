@@ -20,9 +20,7 @@ from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.recordings.records import Recording
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.units import in_degrees
-from pushfit.errors import DataError, stated
 from pushfit.model import Channels, Grasp, Parameters, Pushes, forward
-from pushfit.parameters import SIX
 
 # Components of a recorded force.
 AXES = ("fx", "fy", "fz")
@@ -69,9 +67,6 @@ def simulate_table(
     Returns:
         The table; pushes that lift the finger off are flagged `lost_contact`.
 
-    Raises:
-        DataError: A parameter is negative or no number, or an angle out of range.
-
     Examples:
         >>> springs = {"K_sn": 600, "K_dn": 300, "K_st": 400}  # A = B = 200 N/m
         >>> table = simulate_table(
@@ -87,7 +82,7 @@ def simulate_table(
         [0.559, 1.0]
     """
     plan = PushSchedule.planned(theta, alpha, repeats=repeats)
-    truth = _truth(params, Pushes(theta=plan.theta, alpha=plan.alpha), grasp)
+    truth = _forward(params, Pushes(theta=plan.theta, alpha=plan.alpha), grasp)
     heights = {
         name: np.asarray(getattr(truth, name))
         + noise * rng.standard_normal(plan.n_pushes)
@@ -218,15 +213,12 @@ def simulate_recording(
 
     Returns:
         The recording, with the angles of the joints as channels, and the truth.
-
-    Raises:
-        DataError: A parameter is negative or no number.
     """
     n = schedule.n_pushes
     half = session.angle_resolution / 2
     theta = np.clip(schedule.theta + rng.uniform(-half, half, n), -np.pi / 2, np.pi / 2)
     alpha = schedule.alpha + rng.uniform(-half, half, n)
-    truth = _truth(params, Pushes(theta=theta, alpha=alpha), grasp)
+    truth = _forward(params, Pushes(theta=theta, alpha=alpha), grasp)
     period = session.duration + session.rest
     t_start = session.rest + period * np.arange(n)
     time = _clock(t_start[-1] + period, session, rng)
@@ -253,21 +245,6 @@ def simulate_recording(
         t_start=t_start,
         t_peak=t_start + session.duration / 2,
     )
-
-
-def _truth(params: Parameters, pushes: Pushes, grasp: Grasp) -> Channels:
-    """Heights of true parameters.
-
-    Raises:
-        DataError: One of them is negative or no number.
-    """
-    for name in SIX:
-        value = float(getattr(params, name))
-        if not value >= 0:
-            raise DataError(
-                f"{stated(**{name: value})}: must be 0 or above", code="bad_parameter"
-            )
-    return _forward(params, pushes, grasp)
 
 
 def write_recording(recording: Recording, path: str | Path) -> None:

@@ -93,8 +93,9 @@ class Parameters(eqx.Module):
             value = getattr(self, name)
             if isinstance(value, Tracer):
                 continue
-            least, may_be_zero = np.asarray(value).min(), name == "C_rr"
-            if least < 0 or (least == 0 and not may_be_zero):
+            least = np.min(np.asarray(value), initial=np.inf)
+            may_be_zero = name == "C_rr"
+            if not (least > 0 or (least == 0 and may_be_zero)):
                 rule = "0 or above" if may_be_zero else "above 0"
                 raise ValueError(f"{name} = {least:g}: must be {rule}")
 

@@ -16,7 +16,6 @@ from pushfit.data.simulate import (
     simulate_table,
     write_recording,
 )
-from pushfit.errors import DataError
 from pushfit.model import Grasp, Parameters
 from tests.tolerances import FEW_OPERATIONS
 
@@ -145,14 +144,3 @@ def test_a_joint_at_zero_reports_no_negative_zero():
     resolution = Session().angle_resolution
     reported = _to_resolution(np.array([-0.4, 0.4]) * resolution, Session())
     assert not np.signbit(reported).any()
-
-
-@pytest.mark.parametrize("value", [-600.0, np.nan])
-def test_a_stiffness_that_none_can_have_is_refused(value):
-    params = dataclasses.replace(PARAMS, K_sn=value)
-    rng = np.random.default_rng(0)
-    with pytest.raises(DataError, match=r"K_sn=\S+: must be 0 or above"):
-        simulate_recording(params, GRASP, THETA_SWEEP, session=Session(), rng=rng)
-    words = {"theta": 0.5, "alpha": 0.0, "repeats": 1, "noise": 0.0, "rng": rng}
-    with pytest.raises(DataError, match=r"K_sn=\S+: must be 0 or above"):
-        simulate_table(params, GRASP, **words)

@@ -386,7 +386,7 @@ def test_every_array_is_double_precision():
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [*((name, 0.0) for name in SIX if name != "C_rr"), ("C_rr", -0.1)],
+    [*((name, 0.0) for name in SIX if name != "C_rr"), ("C_rr", -0.1), ("L", np.nan)],
 )
 def test_what_no_contact_has_is_refused(name, value):
     with pytest.raises(ValueError, match=f"{name} = {value:g}: must be "):
