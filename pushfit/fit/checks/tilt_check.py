@@ -16,8 +16,9 @@ from pushfit.mechanics.registry import mechanics_named
 from pushfit.model import Grasp, Parameters, Pushes
 from pushfit.parameters import SIGNED, SIX
 
-# Below this tilt θ_c is not off by a degree: nothing is fitted [deg].
-LARGE_TILT_DEG = 2.0
+# From here on the paper's equations move θ_c by up to half of its interval, where
+# heights have noise of 1 %; below, nothing else is fitted only to see [deg].
+LARGE_TILT_DEG = 1.0
 # A bias of this share of its width lowers the coverage of a 90 % interval to 79 %; of
 # half its width to 50 %.
 WORTH_OF_WIDTH = 0.25
@@ -40,17 +41,14 @@ def implied_tilt_deg(setup: Setup, posterior: PosteriorResult) -> float:
     return float(np.degrees(np.max(tilt[: len(setup.rows)])))
 
 
-def does_tilt_matter(
-    linear: MechanicsAnswer, tilting: MechanicsAnswer, tilt_deg: float
-) -> bool:
+def does_tilt_matter(linear: MechanicsAnswer, tilting: MechanicsAnswer) -> bool:
     """Whether the paper's equations move θ_c by a good part of its interval.
 
-    Args:
-        tilt_deg: Tilt that the first implies [deg].
+    That is, whether they make it appear or vanish as well.
     """
     best, other = linear.best_fit_deg, tilting.best_fit_deg
-    if tilt_deg < LARGE_TILT_DEG or best is None or other is None:
-        return False
+    if best is None or other is None:
+        return best is not other
     return abs(other - best) >= _worth(linear.theta_c.interval)
 
 
@@ -99,17 +97,17 @@ def tilt_warning(
     law = mechanics_named(leading.mechanics)
     if law.sees_tilt:
         return _likelier_without(leading, others, tilt_deg)
-    if tilt_deg < LARGE_TILT_DEG:
-        return None
-    start = f"the fit implies that the object tilts by up to {tilt_deg:.0f}°"
+    start = f"the fit implies that the object tilts by up to {tilt_deg:.2g}°"
     if others:
-        if not does_tilt_matter(leading, others[0], tilt_deg):
+        if not does_tilt_matter(leading, others[0]):
             return None
         text = (
             f"{start}, which {law.title} leave out; yet the heights prefer "
             "them to tilting mechanics, so check L, the push length and the unit of "
             "the heights"
         )
+    elif tilt_deg < LARGE_TILT_DEG:
+        return None
     else:
         is_stated = config.grasp.mechanics != "auto"
         cures = (
@@ -118,9 +116,9 @@ def tilt_warning(
         )
         reason = ", and ".join(filter(None, cures)) or "no fit by them was found"
         text = (
-            f"{start}; {law.title} hold for small tilts, and at 2° and more "
-            "θ_c may be off by several degrees beyond its interval. It is not computed "
-            f"by tilting mechanics: {reason}"
+            f"{start}; {law.title} hold for small tilts, and at 1° and more "
+            "θ_c may be off by a good part of its interval, or lie beyond it. It is "
+            f"not computed by tilting mechanics: {reason}"
         )
     return ResultWarning(code="large_tilt", text=text)
 
@@ -140,7 +138,7 @@ def _likelier_without(
             return ResultWarning(
                 code="large_tilt",
                 text=f"{title} lead, as by them the object tilts by up to "
-                f"{tilt_deg:.0f}°; yet the heights are {np.exp(against):.0f} to 1 "
+                f"{tilt_deg:.2g}°; yet the heights are {np.exp(against):.0f} to 1 "
                 f"likelier by {other_title}, whose θ_c stands beside: check L, the "
                 "push length and the unit of the heights, and push in more directions",
             )

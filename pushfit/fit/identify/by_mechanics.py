@@ -15,7 +15,7 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import FitError
 from pushfit.fit.assess.reporting_rules import as_unknown, within_verdict
 from pushfit.fit.assess.verdicts import angle_quantity
-from pushfit.fit.checks.tilt_check import does_tilt_matter, implied_tilt_deg, is_worse
+from pushfit.fit.checks.tilt_check import does_tilt_matter, is_worse
 from pushfit.fit.identify.beside import Beside, Tell, at_once
 from pushfit.fit.identify.fit_table import fit_table
 from pushfit.fit.identify.fitted import (
@@ -132,11 +132,10 @@ def _leading_first(measured: list[_Measured]) -> list[_Measured]:
     if len(measured) < 2:
         return measured
     linear, tilting = measured
-    tilt = implied_tilt_deg(linear.fitted.setup, linear.swept)
     if not is_comparable(linear.fitted, tilting.fitted):
         no_evidence = {"log_evidence": None, "log_evidence_error": None}
         tilting = replace(tilting, answer=replace(tilting.answer, **no_evidence))
-    if does_tilt_matter(linear.answer, tilting.answer, tilt) and not is_worse(
+    if does_tilt_matter(linear.answer, tilting.answer) and not is_worse(
         tilting.answer, linear.answer
     ):
         return [tilting, linear]

@@ -14,23 +14,24 @@ def settings(text: str = "") -> GraspConfig:
 
 
 @pytest.mark.parametrize(
-    ("tilt", "shift", "width", "matters"),
+    ("best", "other", "width", "matters"),
     [
-        (1.9, 30.0, 4.0, False),
-        (2.1, 1.1, 4.0, True),
-        (2.1, 0.9, 4.0, False),
-        (2.1, 2.1, None, True),
-        (2.1, 1.9, None, False),
-        (2.1, None, 4.0, False),
+        (40.0, 38.9, 4.0, True),
+        (40.0, 40.9, 4.0, False),
+        (40.0, 37.9, None, True),
+        (40.0, 41.9, None, False),
+        (40.0, None, 4.0, True),
+        (None, 40.0, None, True),
+        (None, None, None, False),
     ],
-    ids=["upright", "far", "near", "far, open", "near, open", "never rolls"],
+    ids=["far", "near", "far, open", "near, open", "gone", "there", "never rolls"],
 )
 def test_a_tilt_matters_where_it_moves_the_angle_by_a_quarter_of_the_width(
-    tilt, shift, width, matters
+    best, other, width, matters
 ):
-    linear = make_answer("linear", best=40.0, width=width)
-    tilting = make_answer("tilting", best=None if shift is None else 40.0 - shift)
-    assert does_tilt_matter(linear, tilting, tilt) is matters
+    linear = make_answer("linear", best=best, width=width)
+    tilting = make_answer("tilting", best=other)
+    assert does_tilt_matter(linear, tilting) is matters
 
 
 @pytest.mark.parametrize(
@@ -58,8 +59,12 @@ def test_a_large_tilt_is_warned_of_only_where_the_equations_of_the_paper_lead():
     both = settings(MEASURED)
     assert tilt_warning(both, (tilting, linear), 9.0) is None
     assert "check L, the push length" in tilt_warning(both, (linear, tilting), 9.0).text
-    assert tilt_warning(both, (linear, tilting), 1.9) is None
-    alone = tilt_warning(settings("[push]\nlength_mm = 5.0\n"), (linear,), 9.0)
+    near = make_answer("tilting", best=39.5)
+    assert tilt_warning(both, (linear, near), 9.0) is None
+    unmeasured = settings("[push]\nlength_mm = 5.0\n")
+    assert tilt_warning(unmeasured, (linear,), 0.9) is None
+    assert "up to 1.1°" in tilt_warning(unmeasured, (linear,), 1.1).text
+    alone = tilt_warning(unmeasured, (linear,), 9.0)
     assert "up to 9°" in alone.text
     assert "measure it and set parameters.L" in alone.text
     forced = settings(MEASURED + '[grasp]\nmechanics = "linear"\n')
