@@ -11,6 +11,8 @@ from dataclasses import dataclass
 _FIRST = "DMCv"
 _RATE = "Sample Frequency (Hz)"
 _IN_VOLTS = "Test Data in Volts"
+# What was commanded; nothing of it is measured.
+_OUTPUT = "AO"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -19,7 +21,8 @@ class Preamble:
 
     Args:
         rate: Samples per second; None where no positive number is stated [Hz].
-        units: Unit of each column, as `500 mN/V`; empty where there is none.
+        units: Unit of each column, as `500 mN/V`; empty where there is none, and of
+            outputs.
     """
 
     rate: float | None
@@ -42,7 +45,7 @@ def read_preamble(lines: list[str], names: tuple[str, ...]) -> Preamble | None:
         for channel, unit, scale in zip(
             channels, units, rows.get("Scale", []), strict=False
         )
-        if unit
+        if unit and not channel.startswith(_OUTPUT)
     }
     rate = next(
         (line.partition(":")[2].strip() for line in lines if line.startswith(_RATE)), ""

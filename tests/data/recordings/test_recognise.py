@@ -38,6 +38,28 @@ def test_a_log_without_a_rate_asks_for_one(rate, log):
     np.testing.assert_allclose(time, [0.0, 0.01, 0.02], rtol=ROUNDING)
 
 
+@pytest.mark.parametrize("unit", ["mN", "lbf"])
+def test_a_commanded_force_is_no_measured_one(unit, log):
+    """Even where it is the only one in a known unit."""
+    text = log.read_text().replace("\tmN\n", f"\t{unit}\n")
+    for line, more in (
+        ("Channel", "AO1"),
+        ("Units", "mN"),
+        ("Scale", "500.000000"),
+        ("Sample\t", "AO1"),
+        *((f"{k}\t", "0.0") for k in range(len(VOLTS))),
+    ):
+        first = text.index(f"\n{line}") + 1
+        end = text.index("\n", first)
+        text = f"{text[:end]}\t{more}{text[end:]}"
+    log.write_text(text)
+    if unit == "mN":
+        assert list(read_recording(log).channels) == ["AI1"]
+    else:
+        with pytest.raises(DataError, match="no column states a signal unit"):
+            read_recording(log)
+
+
 @pytest.mark.parametrize("gain", ["500 mN/V", "500.0mN/V", "0.5 N/V", "5e5 uN/V"])
 def test_a_unit_that_equals_that_of_the_file_may_be_stated(gain, log):
     recording = read_recording(log, units={"AI1": gain})
