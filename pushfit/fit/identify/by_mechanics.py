@@ -15,7 +15,11 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import FitError
 from pushfit.fit.assess.reporting_rules import as_unknown, within_verdict
 from pushfit.fit.assess.verdicts import angle_quantity
-from pushfit.fit.checks.tilt_check import does_tilt_matter, is_worse
+from pushfit.fit.checks.tilt_check import (
+    contradicted_tilt,
+    does_tilt_matter,
+    is_worse,
+)
 from pushfit.fit.identify.beside import Beside, Tell, at_once
 from pushfit.fit.identify.fit_table import fit_table
 from pushfit.fit.identify.fitted import (
@@ -121,25 +125,29 @@ def fitted_by_leading(
         except FitError as error:
             text = f"no fit {one.by}: {error}"
             warnings.append(ResultWarning(code="one_mechanics", text=text))
-    leading, *behind = _leading_first(found)
-    fitted = leading.fitted
+    (leading, *behind), told = _leading_first(found)
+    fitted, warnings = leading.fitted, [*warnings, *told]
     fitted = replace(fitted, warnings=(*fitted.warnings, *warnings))
     return fitted, tuple(one.answer for one in behind)
 
 
-def _leading_first(measured: list[_Measured]) -> list[_Measured]:
+def _leading_first(
+    measured: list[_Measured],
+) -> tuple[list[_Measured], list[ResultWarning]]:
     """The mechanics that the table is identified by, before the other."""
     if len(measured) < 2:
-        return measured
+        return measured, []
     linear, tilting = measured
-    if not is_comparable(linear.fitted, tilting.fitted):
+    fitted = linear.fitted
+    if not is_comparable(fitted, tilting.fitted):
         no_evidence = {"log_evidence": None, "log_evidence_error": None}
         tilting = replace(tilting, answer=replace(tilting.answer, **no_evidence))
-    if does_tilt_matter(linear.answer, tilting.answer) and not is_worse(
-        tilting.answer, linear.answer
-    ):
-        return [tilting, linear]
-    return [linear, tilting]
+    prob, n_heights = fitted.config.report.prob, fitted.fit.n_data
+    if not does_tilt_matter(linear.swept, tilting.swept, prob=prob):
+        return [linear, tilting], []
+    if is_worse(tilting.answer, linear.answer, n_heights=n_heights):
+        return [linear, tilting], [contradicted_tilt(fitted.setup, linear.swept)]
+    return [tilting, linear], []
 
 
 def mechanics_answer(

@@ -1,10 +1,13 @@
 """Which mechanics leads: cases whose answer the rule itself tells."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from pushfit.config import GraspConfig, parse_config
 from pushfit.fit.checks.tilt_check import does_tilt_matter, is_worse, tilt_warning
-from tests.report.makers import make_answer
+from tests.report.makers import make_answer, make_posterior
 
 MEASURED = "[push]\nlength_mm = 5.0\n[parameters.L]\nfixed = 0.04\n"
 
@@ -14,53 +17,59 @@ def settings(text: str = "") -> GraspConfig:
 
 
 @pytest.mark.parametrize(
-    ("best", "other", "width", "matters"),
+    ("shift", "stretch", "rolling", "matters"),
     [
-        (40.0, 38.9, 4.0, True),
-        (40.0, 40.9, 4.0, False),
-        (40.0, 37.9, None, True),
-        (40.0, 41.9, None, False),
-        (40.0, None, 4.0, True),
-        (None, 40.0, None, True),
-        (None, None, None, False),
+        (2.6, 1.0, 1.0, True),
+        (-2.4, 1.0, 1.0, False),
+        (0.0, 1.6, 1.0, True),
+        (0.0, 1.4, 1.0, False),
+        (0.0, 1.0, 0.9, True),
+        (0.0, 1.0, 0.99, False),
     ],
-    ids=["far", "near", "far, open", "near, open", "gone", "there", "never rolls"],
+    ids=["far", "near", "wide", "as wide", "seldom rolls", "mostly rolls"],
 )
-def test_a_tilt_matters_where_it_moves_the_angle_by_a_quarter_of_the_width(
-    best, other, width, matters
+def test_a_tilt_matters_where_it_moves_the_angle_by_a_quarter_of_its_interval(
+    shift, stretch, rolling, matters
 ):
-    linear = make_answer("linear", best=best, width=width)
-    tilting = make_answer("tilting", best=other)
-    assert does_tilt_matter(linear, tilting) is matters
+    """The linear interval of 90 % is 10° wide, as draws are even over 11.11°."""
+    some = make_posterior(with_alpha=False)
+    offsets = np.linspace(-10 / 1.8, 10 / 1.8, some.log_prob.size)
+    tilted = 40.0 + shift + stretch * offsets
+    tilted[: round((1 - rolling) * tilted.size)] = np.nan
+    linear, tilting = (
+        replace(some, samples={"theta_c": draws}) for draws in (40.0 + offsets, tilted)
+    )
+    assert does_tilt_matter(linear, tilting, prob=0.9) is matters
 
 
 @pytest.mark.parametrize(
-    ("log_evidence", "chi_square", "worse"),
+    ("log_evidence", "rms_residual", "worse"),
     [
-        (-16.0, 50.0, True),
-        (-14.0, 90.0, False),
-        (None, 61.0, True),
-        (None, 59.0, False),
+        (-16.0, 0.01, True),
+        (-14.0, 0.04, False),
+        (None, 0.023, True),
+        (None, 0.022, False),
     ],
 )
 def test_evidence_decides_and_where_there_is_none_the_fit(
-    log_evidence, chi_square, worse
+    log_evidence, rms_residual, worse
 ):
-    linear = make_answer("linear", log_evidence=-10.0, chi_square=50.0)
-    tilting = make_answer("tilting", log_evidence=log_evidence, chi_square=chi_square)
-    assert is_worse(tilting, linear) is worse
+    """Of 40 heights ln 1.13 is worth 5 in log likelihood, by the likeliest noise."""
+    linear = make_answer("linear", log_evidence=-10.0, rms_residual=0.02)
+    tilting = make_answer(
+        "tilting", log_evidence=log_evidence, rms_residual=rms_residual
+    )
+    assert is_worse(tilting, linear, n_heights=40) is worse
 
 
-def test_a_large_tilt_is_warned_of_only_where_the_equations_of_the_paper_lead():
+def test_a_large_tilt_is_warned_of_only_where_the_equations_of_the_paper_stand_alone():
     linear, tilting = (
         make_answer("linear", best=40.0),
         make_answer("tilting", best=30.0),
     )
     both = settings(MEASURED)
     assert tilt_warning(both, (tilting, linear), 9.0) is None
-    assert "check L, the push length" in tilt_warning(both, (linear, tilting), 9.0).text
-    near = make_answer("tilting", best=39.5)
-    assert tilt_warning(both, (linear, near), 9.0) is None
+    assert tilt_warning(both, (linear, tilting), 9.0) is None
     unmeasured = settings("[push]\nlength_mm = 5.0\n")
     assert tilt_warning(unmeasured, (linear,), 0.9) is None
     assert "up to 1.1°" in tilt_warning(unmeasured, (linear,), 1.1).text

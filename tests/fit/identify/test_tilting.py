@@ -265,15 +265,22 @@ def test_an_identification_by_tilting_mechanics_is_whole():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("push_length", "leading"),
-    [(5e-3, "tilting"), (5e-4, "linear")],
-    ids=["5 mm", "0.5 mm"],
+    ("push_length", "channels", "leading"),
+    [
+        (5e-3, COMPONENTS, "tilting"),
+        (1e-3, ("height",), "tilting"),
+        (5e-4, COMPONENTS, "linear"),
+    ],
+    ids=["5 mm", "1 mm", "0.5 mm"],
 )
-def test_the_mechanics_that_lead_are_those_of_the_push(push_length, leading):
-    """By hand: 5 mm tilt this grasp by several degrees, a tenth of them by none."""
+def test_the_mechanics_that_lead_are_those_of_the_push(push_length, channels, leading):
+    """By hand: 5 mm tilt this grasp by several degrees, a tenth of them by none.
+
+    Magnitudes of 1 mm, which tilt it by 1.4°, are off by half of the linear interval.
+    """
     grasp = Grasp(push_length=push_length, mechanics="tilting")
     noise = 0.02 * push_length / PUSH
-    table = pushed(grasp=grasp, noise=noise, channels=COMPONENTS)
+    table = pushed(grasp=grasp, noise=noise, channels=channels)
     text = f"[push]\nlength_mm = {1e3 * push_length}\n{LENGTH}{HARD}"
     settings = parse_config(text, path="grasp.toml")
     both = identify_table(table, settings, seed=1, engine="sweep")
@@ -294,6 +301,19 @@ def test_the_mechanics_that_lead_are_those_of_the_push(push_length, leading):
         assert alone.theta_c.estimate == answer.theta_c.estimate
         # Checks of the mechanics alone may withhold its interval.
         assert dataclasses.replace(alone, theta_c=answer.theta_c) == answer
+
+
+@pytest.mark.slow
+def test_heights_that_speak_against_a_tilt_are_believed_and_told_of():
+    """Pushes of 5 mm that do not tilt the object, as where L is far longer."""
+    table = pushed(grasp=Grasp(push_length=PUSH), channels=COMPONENTS)
+    settings = parse_config(
+        f"[push]\nlength_mm = {1e3 * PUSH}\n{LENGTH}{HARD}", path="grasp.toml"
+    )
+    found = identify_table(table, settings, seed=1, engine="sweep", is_brief=True)
+    assert found.mechanics == "linear"
+    (told,) = [w.text for w in found.warnings if w.code == "large_tilt"]
+    assert "the heights prefer them to tilting mechanics, so check L" in told
 
 
 @pytest.mark.slow
