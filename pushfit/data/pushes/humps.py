@@ -29,10 +29,9 @@ _LEVEL, _HELD = 0.15, 0.6
 # From the first to the last third of that time it moves by less than this share; a
 # flank passes through two thirds of twice `_LEVEL`, which is 0.2.
 _FLAT = 0.1
-# A hump on a step has fallen from its top to this share of it at least; the step is
-# held for so many times as long as the hump, or is a part of a push. At half as long a
-# cut push of `trial2` is not told from one on a step.
-_FALLEN, _SHELF = 0.7, 1.5
+# A step that a hump is on is held for so many times as long as the hump, or is a part
+# of a push. At half as long a cut push of `trial2` is not told from one on a step.
+_SHELF = 1.5
 # A step is short beside the time that its level is held, by this share; a flank is not.
 _WAY = 0.3
 # A rest level that is never left is one that is come back to so many times: without it
@@ -51,13 +50,11 @@ class Humps:
         y: Means of the signal in short bins, the grid [unit].
         peaks: Grid positions of the tops.
         valleys: Grid positions of the lowest points beside them.
-        rests: Rest level at each valley, which a brief dip does not lower.
     """
 
     y: Float[np.ndarray, " m"]
     peaks: Int[np.ndarray, " k"]
     valleys: Int[np.ndarray, " k1"]
-    rests: Float[np.ndarray, " k1"]
 
     @classmethod
     def between(
@@ -65,10 +62,9 @@ class Humps:
     ) -> "Humps":
         """Find the valleys that belong to peaks."""
         bounds = [0, *peaks, len(y) - 1]
-        spans = list(pairwise(bounds))
+        spans = pairwise(bounds)
         valleys = np.array([a + int(np.argmin(y[a : b + 1])) for a, b in spans])
-        rests = np.array([_low(y[a : b + 1]) for a, b in spans])
-        return cls(y, peaks, valleys, rests)
+        return cls(y, peaks, valleys)
 
     @property
     def heights(self) -> Float[np.ndarray, " k"]:
@@ -93,8 +89,6 @@ class Humps:
         that is held long, before it or after it, and falls back from there, stands on
         a step.
         """
-        if not np.isfinite(inner):
-            return False
         peak, edge = int(self.peaks[end]), 0 if end == 0 else len(self.y) - 1
         outer, top = float(self.y[self.valleys[end]]), float(self.y[peak])
         if outer - inner <= _FOOTLESS * (top - inner):
@@ -109,7 +103,6 @@ class Humps:
             between = np.count_nonzero((part > inner + near) & (part < level - near))
             return bool(
                 top - level >= ON_STEP * (level - inner)
-                and outer - level <= _FALLEN * (top - level)
                 and held >= max(_SHELF * self._width(end), between / _WAY)
             )
 
@@ -121,8 +114,6 @@ class Humps:
         left, right = int(self.valleys[k]), int(self.valleys[k + 1])
         top = self.y[self.peaks[k]]
         low = max(self.y[left], self.y[right])
-        if low == top:
-            low = min(self.y[left], self.y[right])
         return max(1, longest_run(self.y[left : right + 1] >= (low + top) / 2)[0])
 
     def drop(self, peak: int) -> None:
@@ -131,11 +122,7 @@ class Humps:
         lower = int(pair[np.argmin(self.y[pair])])
         self.peaks = np.delete(self.peaks, peak)
         self.valleys = np.delete(self.valleys, peak)
-        self.rests = np.delete(self.rests, peak)
         self.valleys[peak] = lower
-        first = self.peaks[peak - 1] if peak > 0 else 0
-        last = self.peaks[peak] if peak < len(self.peaks) else len(self.y) - 1
-        self.rests[peak] = _low(self.y[first : last + 1])
 
     def join(self, split: float) -> set[int]:
         """Join neighbours whose valley is too high for a rest between two pushes.
@@ -153,9 +140,12 @@ class Humps:
         """
         kept: set[int] = set()
         every = self.peaks
+        # What a brief dip does not lower.
+        spans = pairwise([0, *every, len(self.y) - 1])
+        rests = np.array([_low(self.y[a : b + 1]) for a, b in spans])
         while len(self.peaks) > 1:
             tops, lows = self.y[self.peaks], self.y[self.valleys]
-            rest = np.minimum(self.rests[:-2], self.rests[2:])
+            rest = np.minimum(rests[:-2], rests[2:])
             smaller = np.minimum(tops[:-1], tops[1:])
             ratio = (lows[1:-1] - rest) / np.maximum(smaller - rest, TINY)
             ratio[[int(v) in kept for v in self.valleys[1:-1]]] = -np.inf
@@ -166,12 +156,11 @@ class Humps:
                 ratio[worst] < 1 - _ON_TOP and self._is_level(worst, every)
             ):
                 kept.add(int(self.valleys[worst + 1]))
-                self.rests[worst + 1] = lows[worst + 1]
                 continue
             lower = worst + int(tops[worst] >= tops[worst + 1])
             self.peaks = np.delete(self.peaks, lower)
             self.valleys = np.delete(self.valleys, worst + 1)
-            self.rests = np.delete(self.rests, worst + 1)
+            rests = np.delete(rests, worst + 1)
         return kept
 
     def _is_new_rest(self, pair: int) -> bool:

@@ -45,9 +45,24 @@ def push(start, *, width=2.0, rest=0.0, height=100.0, after=None):
     )
 
 
+def recording(time, y):
+    return Recording(time=time, channels={"p": y}, units={"p": "n"})
+
+
 def found(time, y, **settings):
-    recording = Recording(time=time, channels={"p": y}, units={"p": "n"})
-    return find_pushes(recording, settings=PeakSettings(**settings))
+    return find_pushes(recording(time, y), settings=PeakSettings(**settings))
+
+
+def view(time, y):
+    return View(
+        time=time,
+        signal=y,
+        course=RunningMeans.of(time, y),
+        noise=SignalNoise.of(time, y),
+        min_height=None,
+        smoothing=None,
+        split=0.5,
+    )
 
 
 def tops(time, y):
@@ -145,6 +160,18 @@ def test_a_push_on_a_grip_is_found_however_little_follows_it(shown):
     np.testing.assert_allclose(extent.height, 130.0, rtol=BLUNTED)
 
 
+@pytest.mark.parametrize(("shown", "height"), [(-0.4, 83.0), (0.2, 100.0)])
+def test_a_push_on_a_grip_that_is_cut_near_its_top_is_flagged(shown, height):
+    """Before its top the grip is a part of it; after it that is its rest."""
+    grip = 30.0
+    corners = ((0, 0), (6.0, 0), (6.3, grip), *push(14.0, rest=grip))
+    time, y = course(*corners, (17.0, grip))
+    frame = measure_pushes(recording(*np.stack([time, y])[:, time < 15.0 + shown]))
+    (own,) = frame.frame.to_dict("records")
+    assert own["flags"] == "clipped"
+    np.testing.assert_allclose(own["height_n"], height, rtol=BLUNTED)
+
+
 def test_a_push_on_a_grip_is_found_if_the_next_one_is_cut_as_it_begins():
     grip = 300.0
     corners = ((0, 0), (2, 0), (2.2, grip), *push(6.0, rest=grip, height=130.0))
@@ -186,16 +213,35 @@ def test_a_push_that_begins_at_half_of_its_height_is_cut(start, is_cut):
     time, y = course((0, 0), *push(3.0), (8.0, 0))
     (extent,) = found(time, y)
     feet = Feet.together([replace(extent.feet, start=start, half_up=3.5)])
-    view = View(
-        time=time,
-        signal=y,
-        course=RunningMeans.of(time, y),
-        noise=SignalNoise.of(time, y),
-        min_height=None,
-        smoothing=None,
-        split=0.5,
-    )
-    assert are_cut(view, feet).tolist() == [is_cut]
+    assert are_cut(view(time, y), feet).tolist() == [is_cut]
+
+
+@pytest.mark.parametrize(
+    ("shown", "after", "noise", "is_cut"),
+    [
+        (0.05, 0.0, NOISE, False),
+        (0.05, 0.0, 40 * NOISE, True),
+        (0.15, 7.0, NOISE, True),
+        (0.15, 7.0, 40 * NOISE, False),
+    ],
+)
+@pytest.mark.parametrize("is_turned", [False, True])
+def test_noise_hides_where_a_push_begins_and_how_high_a_brief_rest_is(
+    shown, after, noise, is_cut, is_turned
+):
+    """What is seen before it, or after it, is too brief for a rest in each case."""
+    time, y = course((0, 0), *push(3.0, after=after), (8.0, after))
+    feet = Feet.together([found(time, y)[0].feet])
+    part = time >= 3.0 - shown
+    time, y = time[part], y[part]
+    own = replace(feet, sigma=np.array([noise])).alone(view(time, y))
+    if is_turned:
+        time, y = 8.0 - time[::-1], y[::-1]
+        turned = {"start": "end", "half_up": "half_down", "lowest": "highest"}
+        turned |= {"peak": "peak"} | {other: one for one, other in turned.items()}
+        times = {one: 8.0 - getattr(own, other) for one, other in turned.items()}
+        own = replace(own, **times, moved=-own.moved)
+    assert are_cut(view(time, y), own).tolist() == [is_cut]
 
 
 @pytest.mark.parametrize("valley", [6.0, 15.0, 25.0])
@@ -237,3 +283,48 @@ def test_a_push_on_a_decay_from_the_begin_is_no_part_of_a_trend(decay):
     assert all(
         "clipped" in cell for cell in frame["flags"][is_off | ~is_own.any(axis=1)]
     )
+
+
+@pytest.mark.parametrize(("smoothing", "n"), [(None, 25), (0.6, 5)])
+def test_pushes_that_tremble_are_whole_in_an_average_over_what_is_asked_for(
+    smoothing, n
+):
+    """They fall back to rest every half second of 3 s."""
+    time, y = course((0.0, 0.0), (36.0, 0.0))
+    for start in 3.0 + 7.0 * np.arange(5):
+        since = time - start
+        hold = np.clip(4.0 * np.minimum(since, 3.0 - since) / 3.0, 0.0, 1.0)
+        y += 100.0 * hold * np.cos(2.0 * np.pi * since) ** 2
+    assert len(found(time, y, smoothing=smoothing)) == n
+
+
+def test_pushes_as_low_as_noise_lets_stand_out_are_found_where_they_are_asked_for():
+    """They are twice the noise of a sample, and a sixtieth of the others."""
+    corners = [(0.0, 0.0)]
+    for k in range(6):
+        corners += push(2.0 + 4.0 * k, height=60.0 if k < 3 else 1.0)
+    time, y = course(*corners, (28.0, 0.0))
+    assert len(found(time, y)) == 3
+    assert len(found(time, y, min_height=0.5)) == 6
+
+
+def test_a_level_after_a_step_is_the_rest_of_the_next_push_however_brief_it_is():
+    """It is more than half way up to the first push, but not to the second."""
+    corners = [(0.0, 0.0), *push(3.0, width=3.0, after=60.0)]
+    for start in (6.8, 10.6, 14.4):
+        corners += push(start, width=3.0, rest=60.0, height=40.0)
+    time, y = course(*corners, (20.0, 60.0))
+    frame = measure_pushes(recording(time, y)).frame
+    assert frame["flags"].tolist() == ["drift", "", "", ""]
+
+
+@pytest.mark.parametrize(("held", "second"), [(0.8, 100.0), (6.0, 40.0)])
+def test_a_valley_high_up_is_a_rest_where_it_is_held_for_longer_than_pushes(
+    held, second
+):
+    after = push(6.0 + held, width=3.0, rest=60.0, height=40.0, after=0.0)
+    corners = [(0.0, 0.0), *push(3.0, width=3.0, after=60.0), *after]
+    time, y = course(*corners, (18.0, 0.0))
+    settings = PeakSettings(split=0.8)
+    heights = measure_pushes(recording(time, y), settings=settings).frame["height_n"]
+    np.testing.assert_allclose(heights, [100.0, second], atol=LEVEL)
