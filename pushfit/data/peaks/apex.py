@@ -139,7 +139,7 @@ def fit_apex(
     coefficients = bank.q @ y.T
     sse = (y**2).sum(axis=1)[:, None] - (coefficients**2).sum(axis=1).T
     a, s, q = (bank.inverse @ coefficients).transpose(1, 2, 0)
-    has_top = (s > 0) & (np.abs(q) < _STEEPEST * s)
+    has_top = np.abs(q) < _STEEPEST * s
     root = np.sqrt(np.where(has_top, s**2 - q**2, 1.0))
     position = bank.t0 + bank.r * q / root
     has_top &= np.abs(position) <= 1

@@ -130,8 +130,7 @@ def _inner(inside: float, outside: float) -> float:
 
 def _is_long(course: Float[np.ndarray, " m"], part: tuple[int, int]) -> bool:
     """Whether a part is a large share of the time above half height."""
-    n_high = max(1, int(np.count_nonzero(course > 0.5)))
-    return part[1] - part[0] >= _HELD_SHARE * n_high
+    return part[1] - part[0] >= _HELD_SHARE * int(np.count_nonzero(course > 0.5))
 
 
 def are_held(
@@ -161,9 +160,9 @@ def are_held(
         # Too few samples show no level, and a line across a gap between few is none.
         n_samples = extents[k].end - extents[k].start
         if n_samples >= 2 * PROFILE_BINS or counts[k].min() > 0:
-            is_steady = _is_steady(scaled[k])
-            is_low = _is_low(scaled[k], held_part(scaled[k]))
-            held[k] = is_steady and (is_level[k] or is_low)
+            held[k] = _is_steady(scaled[k]) and (
+                is_level[k] or _is_low(scaled[k], held_part(scaled[k]))
+            )
     return held
 
 
@@ -180,8 +179,7 @@ def _is_low(course: Float[np.ndarray, " m"], part: tuple[int, int]) -> bool:
     By its later half: where it begins, of a level that is still relaxed to, is decided
     by noise.
     """
-    end = course[sum(part) // 2 : part[1]]
-    return bool(end.size and np.median(end) < 1 - 2 * _BAND)
+    return bool(np.median(course[sum(part) // 2 : part[1]]) < 1 - 2 * _BAND)
 
 
 def _is_steady(course: Float[np.ndarray, " m"]) -> bool:
@@ -189,8 +187,8 @@ def _is_steady(course: Float[np.ndarray, " m"]) -> bool:
     first, last = held_part(course)
     margin = round(MARGIN * (last - first))
     inner = course[first + margin : last - margin]
-    is_calm = bool(inner.size and inner.std() <= _MAX_SCATTER)
-    return len(inner) >= 4 and _is_long(course, (first, last)) and is_calm
+    is_long = len(inner) >= 4 and _is_long(course, (first, last))
+    return bool(is_long and inner.std() <= _MAX_SCATTER)
 
 
 def _misfit(
@@ -204,7 +202,7 @@ def _misfit(
     along = q @ y.T
     left = (y**2).sum(axis=1) - (along**2).sum(axis=1)
     _, b, c = (inverse @ along).transpose(1, 0, 2)
-    has_form = (b > 0) & (np.abs(c) < b) if is_hyperbola else (b > 0) & (c > 0)
+    has_form = np.abs(c) < b if is_hyperbola else (b > 0) & (c > 0)
     return np.where(has_form, left, _NEVER).min(axis=0)
 
 

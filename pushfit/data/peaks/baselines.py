@@ -70,7 +70,6 @@ class Baselines:
             0.0,
             since / np.maximum(self.time_after - self.time, SHORTEST),
         )
-        share = np.nan_to_num(share)
         own, after = (1 - share) * self.sd, share * np.nan_to_num(self.sd_after)
         return np.sqrt(own**2 + after**2 + (self.doubt * since) ** 2 + self.bend**2)
 

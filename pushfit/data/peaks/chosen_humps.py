@@ -12,7 +12,12 @@ import numpy as np
 from jaxtyping import Float
 
 from pushfit.config.inputs import PeakSettings
-from pushfit.data.peaks.components import in_signal_unit, looked_at, push_signal
+from pushfit.data.peaks.components import (
+    in_signal_unit,
+    looked_at,
+    push_signal,
+    samples_around,
+)
 from pushfit.data.peaks.heights import measure_heights
 from pushfit.data.peaks.jerks import are_jerks
 from pushfit.data.pushes.detection import (
@@ -261,11 +266,7 @@ def _is_dip(
     time: Float[np.ndarray, " n"], signal: Float[np.ndarray, " n"], extent: Extent
 ) -> bool:
     """Whether the middle of a push lies below its two feet."""
-    first, last = np.searchsorted(
-        time, [extent.t_peak - extent.width / 4, extent.t_peak + extent.width / 4]
-    )
-    first = min(int(first), len(signal) - 1)
-    top = signal[first : max(int(last), first + 1)].mean()
+    top = signal[samples_around(time, extent.t_peak, extent.width / 4)].mean()
     feet = signal[[extent.start, max(extent.end - 1, extent.start)]].mean()
     return bool(top < feet)
 

@@ -167,7 +167,10 @@ def measure_components(
     sign, name = _normal(recording, str(settings.normal))
     unit = recording.units[name]
     known = np.isfinite(list(recording.channels.values())).all(axis=0)
-    tops = [_around_top(time, e, h) for e, h in zip(extents, heights, strict=True)]
+    tops = [
+        samples_around(time, height.t_peak, _TOP_SHARE * extent.width)
+        for extent, height in zip(extents, heights, strict=True)
+    ]
     changes, sds, rests = {}, {}, {}
     is_cut = np.zeros(len(extents), dtype=bool)
     for channel, samples in recording.channels.items():
@@ -278,10 +281,9 @@ def _changes(
     return rest, change, np.hypot(noise.of_mean(n_top), base.sd_at(when))
 
 
-def _around_top(time: Float[np.ndarray, " n"], extent: Extent, height: Height) -> slice:
-    """Samples around the top of a push, at least one."""
-    half = _TOP_SHARE * extent.width
-    first, last = np.searchsorted(time, [height.t_peak - half, height.t_peak + half])
+def samples_around(time: Float[np.ndarray, " n"], when: float, half: float) -> slice:
+    """Samples by less than so much before or after a time, at least one [s]."""
+    first, last = np.searchsorted(time, [when - half, when + half])
     first = min(int(first), len(time) - 1)
     return slice(first, max(int(last), first + 1))
 

@@ -85,7 +85,7 @@ def saturated_pushes(
         if limit is None or (sign < 0 and not is_symmetric):
             found = _Tops(
                 readings=tops,
-                highest=np.array([float(top.max(initial=-np.inf)) for top in tops]),
+                highest=np.array([float(top.max()) for top in tops]),
                 height=np.array([extents[k].height for k in rows]),
                 sigma=sigma[rows],
                 held=held[rows],
@@ -142,16 +142,12 @@ class _Tops:
     @functools.cached_property
     def band(self) -> Float[np.ndarray, " q"]:
         """Below the largest reading of a level, where its noise or a count takes it."""
-        return np.where(
-            self.sigma > 0, np.maximum(_BAND_SIGMAS * self.sigma, self.quantum), 0.0
-        )
+        return np.maximum(_BAND_SIGMAS * self.sigma, self.quantum)
 
     @functools.cached_property
     def at_end(self) -> Bool[np.ndarray, " q"]:
         """Whether each comes as near to the largest reading as noise does."""
-        return (self.highest == self.largest) | (
-            self.highest > self.largest - self.band
-        )
+        return self.highest >= self.largest - self.band
 
     def _of_equal(self) -> float:
         """Where readings are equal, and not by the resolution alone."""
@@ -253,8 +249,6 @@ class _Tops:
         """Readings from the first to the last in the band, without its edges."""
         top = self.readings[k]
         inside = np.flatnonzero(top >= self.highest[k] - self.band[k])
-        if inside.size == 0:
-            return top
         first, end = int(inside[0]), int(inside[-1]) + 1
         margin = int(_EDGE * (end - first))
         return top[first + margin : end - margin]
@@ -266,7 +260,7 @@ def _is_at_one(top: Float[np.ndarray, " n"]) -> bool:
     A natural top has about as many samples just below its highest value as at it; a cut
     one has them all at it.
     """
-    n_at = np.count_nonzero(top >= top.max(initial=-np.inf))
+    n_at = np.count_nonzero(top >= top.max())
     if n_at < _MIN_SAMPLES:
         return False
     just_below = np.isin(top, np.unique(top)[-4:-1])

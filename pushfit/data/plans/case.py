@@ -248,7 +248,7 @@ class Case:
             first: Stated time of the first push [s].
             starts: When the humps begin, which stated times may mean as well [s].
         """
-        if len(self.planned) < _FEWEST or not self.span[0] < first < self.span[1]:
+        if not self.span[0] < first < self.span[1]:
             return None
         n_pushes, late = np.sum(~self.brush), IN_TIME * self.period
         best, least = None, np.inf
