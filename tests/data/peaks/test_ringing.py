@@ -1,6 +1,7 @@
 """Pushes after which finger or sensor rings, which is neither a push nor a drift."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -80,3 +81,13 @@ def test_taps_do_not_ring_because_of_a_long_push_elsewhere(height):
     frame = measure_pushes(own).frame
     assert len(frame) == 7
     assert not any(frame["flags"])
+
+
+def test_a_brief_push_after_a_long_one_does_not_ring_where_it_is_higher_than_half():
+    """It lasts 0.1 s at half its height, as brief as what rings after a push of 1.5."""
+    own = recording("triangle", rest=3.0, share=0.0, frequency=5.0, decay=0.1)
+    for share, n in ((0.4, 0), (0.6, 1)):
+        brief = np.clip(1 - np.abs(own.time - 6.5) / 0.1, 0, None)
+        channels = {"f": own.channels["f"] + share * HEIGHT * brief}
+        frame = measure_pushes(replace(own, channels=channels)).frame
+        assert len(frame) == N_PUSHES + n

@@ -41,6 +41,23 @@ def test_the_limit_of_an_inverted_channel_is_its_own_reading():
     assert flagged == (heights > 0.7 * heights.max()).tolist()
 
 
+def test_a_limit_of_pushes_that_go_up_leaves_that_of_dips_to_be_recognised():
+    heights = np.array([90.0, -90.0, 95.0, -95.0, 90.0, -90.0])
+    time, y = course(heights, ["peak"] * 6)
+    y += 0.02 * np.random.default_rng(0).standard_normal(y.size)
+    flags = flags_of(time, np.maximum(y, -70.0), signed=True, limit=200.0)
+    assert flags == ["", "saturated"] * 3
+
+
+def test_pointed_pushes_end_at_a_limit_that_creeps_while_they_are_at_it():
+    """By 0.2 N in a push, ten times the noise: no two readings of a top are equal."""
+    time, y = course(HEIGHTS, ["peak"] * HEIGHTS.size)
+    y += 0.02 * np.random.default_rng(0).standard_normal(y.size)
+    limit = 100.0 + 0.2 * np.clip((time - 2.0) % 4.0, 0.0, 2.0)
+    flagged = [own == "saturated" for own in flags_of(time, np.minimum(y, limit))]
+    assert flagged == (HEIGHTS > limit.max()).tolist()
+
+
 @pytest.mark.parametrize("noise", [0.3, 2.0])
 def test_a_noisy_ceiling_is_recognised(noise):
     """The sensor ends, but its last stage still adds noise: 2 is 0.6 % of a height."""
@@ -103,6 +120,15 @@ def test_a_hold_by_itself_is_cut_where_its_readings_are_at_one():
     cut = dataclasses.replace(whole, channels={"p": np.minimum(y, 11.48)})
     flags = [measure_pushes(one).frame["flags"].tolist() for one in (whole, cut)]
     assert flags == [[""], ["saturated"]]
+
+
+def test_the_highest_of_several_holds_without_noise_is_no_limit_of_a_component():
+    """The noise of components is not known there, so that only equal readings tell."""
+    time, y = course(np.array([50.0, 70.0, 60.0, 90.0, 80.0]), ["hold"] * 5)
+    channels = {"fz": np.round(2 * y) / 2, "fx": np.round(0.6 * y) / 2}
+    recording = Recording(time=time, channels=channels, units={"fz": "n", "fx": "n"})
+    frame = measure_pushes(recording, settings=PeakSettings(normal="fz")).frame
+    assert not any(frame["flags"])
 
 
 @pytest.mark.parametrize("shape", ["triangle", "sine"])

@@ -210,3 +210,14 @@ def test_half_as_many_bumps_as_pushes_are_no_second_run(is_timed):
     assert result.n_cycles == 1
     assert result.other is None
     assert not result.missing
+
+
+def test_a_bump_on_the_beat_of_a_push_beside_it_is_told_with_that_push():
+    """It stands for the missing last one; how soon they follow each other tells."""
+    beats = np.array([0.0, 1.04, 2.01, 3.0, 4.06, 5.0, 5.99, 6.09, 7.01])
+    span = (-PERIOD / 2, PERIOD * (beats[-1] + 0.5))
+    result = align(
+        PERIOD * beats, [False] * beats.size, plan=evenly(beats.size), span=span
+    )
+    assert result.other is None
+    assert result.off_beat == (6, 7)
