@@ -413,30 +413,3 @@ def test_the_sd_of_a_tip_between_few_noisy_samples_holds_how_far_it_is_rounded(r
     y += HEIGHT / ratio * rng.standard_normal(time.size)
     pulls = pulls_of(time / 16, y, heights)
     assert np.sqrt(np.mean(np.square(pulls))) < TIPPED
-
-
-@pytest.mark.parametrize(("lost", "flags"), [(0.03, ""), (0.2, "gap")])
-def test_lost_samples_at_a_top_are_a_gap_where_they_are_more_than_a_blink(lost, flags):
-    """Of a push that is 1 s wide at half its height, seen every 2.5 ms."""
-    time = np.arange(0.0, 8.0, 0.0025)
-    time = time[np.abs(time - 4.0) >= lost / 2]
-    y = 10 * np.clip(1 - np.abs(time - 4.0), 0, None)
-    y += np.random.default_rng(RNG).normal(0, 0.02, time.size)
-    recording = Recording(time=time, channels={"p": y}, units={"p": "n"})
-    assert measure_pushes(recording).frame["flags"].tolist() == [flags]
-
-
-def test_a_hold_that_is_released_slowly_to_a_lower_level_is_read_at_its_upper_one():
-    """The release lasts longer than the hold; what it ends at is left at once."""
-    starts = 3.0 + 7.0 * np.arange(3)
-    corners = [(0.0, 0.0), (24.0, 0.0)]
-    for start in starts:
-        since = np.array([0.0, 0.3, 1.3, 3.3, 3.4])
-        corners += zip(start + since, (0.0, 100.0, 99.0, 70.0, 0.0), strict=True)
-    when, level = np.array(sorted(corners)).T
-    time = np.arange(0.0, 24.0, 0.01)
-    y = np.interp(time, when, level)
-    y += 0.5 * np.random.default_rng(3).standard_normal(time.size)
-    recording = Recording(time=time, channels={"p": y}, units={"p": "n"})
-    frame = measure_pushes(recording).frame
-    np.testing.assert_allclose(frame["height_n"], 99.5, atol=1.0)
