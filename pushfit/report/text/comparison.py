@@ -91,11 +91,16 @@ def comparison_sentences(comparison: Comparison) -> list[str]:
     for model in comparison.models:
         densities = model.densities
         if densities is not None and densities.n_unreliable:
+            largest = float(densities.pareto_k.max())
             sentences.append(
                 f"The elpd of {model_name(model)} is not reliable: "
                 f"{densities.n_unreliable} of {densities.elpd.size} pushes have a "
-                f"Pareto k above {densities.max_pareto_k:.2f}, the largest "
-                f"{densities.pareto_k.max():.2f}."
+                f"Pareto k above {densities.max_pareto_k:.2f}, "
+                + (
+                    f"the largest {largest:.2f}."
+                    if math.isfinite(largest)
+                    else "or draws so few that none can be told."
+                )
             )
     return sentences
 

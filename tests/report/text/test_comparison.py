@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from pushfit.fit.results import FitStatus
@@ -63,17 +64,21 @@ def test_the_only_evidence_is_not_called_the_best():
     assert "-4.00" in comparison_text(found)
 
 
-def test_unreliable_importance_sampling_is_said():
+@pytest.mark.parametrize(
+    ("pareto_k", "words"),
+    [(0.91, "the largest 0.91"), (np.inf, "or draws so few that none can be told")],
+)
+def test_unreliable_importance_sampling_is_said(pareto_k, words):
     found = make_comparison()
     densities = found.models[0].densities
     k = densities.pareto_k.copy()
-    k[3] = 0.91
+    k[3] = pareto_k
     doubtful = replace(densities, pareto_k=k)
     models = (replace(found.models[0], densities=doubtful), *found.models[1:])
     sentences = comparison_sentences(replace(found, models=models))
     assert sentences[-1] == (
         "The elpd of hard is not reliable: 1 of 20 pushes have a Pareto k above 0.70, "
-        "the largest 0.91."
+        f"{words}."
     )
 
 
