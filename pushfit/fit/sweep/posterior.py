@@ -42,8 +42,9 @@ TOO_FEW, MAX_PARETO_K = 400.0, 0.7
 # enough may lack a region: a mixture is tried. Without it log evidences may be off by
 # many of their errors.
 HEAVY_PARETO_K = 0.5
-# Times that a mixture is fitted to the draws where they are not to be trusted yet.
-MAX_REFINEMENTS = 3
+# Times that a mixture is fitted to the draws at most: until both they and what it was
+# fitted to are to be trusted. A tail that the one lacks the other may lack, unseen.
+MAX_REFINEMENTS = 6
 # Its components, the draws that it is fitted to, and how many effective ones are enough
 # for that.
 N_COMPONENTS, N_FITTED, ENOUGH_TO_FIT = 8, 2048, 500.0
@@ -52,8 +53,9 @@ FITTED_POWER = 0.5
 # Another is fitted to them after so many steps of emcee in the posterior to this power,
 # half of them by the first: it fills far tails, where the sweep had few draws or none.
 # Without it standard deviations may be too small (`benchmarks.inference.agreement`);
-# alone it leaves a third of the effective draws of wide posteriors.
-N_STEPS, SPREADING_POWER = 12, 0.5
+# alone it leaves a third of the effective draws of wide posteriors. From draws that are
+# not to be trusted it has farther to go.
+N_STEPS, N_FAR_STEPS, SPREADING_POWER = 12, 36, 0.5
 # Densities of one call: half the walkers move at a time.
 N_ROWS = N_FITTED // 2
 # Draws of equal weight that are returned.
@@ -162,10 +164,15 @@ def weighted_draws(target: Target, *, seed: int) -> WeightedDraws:
     was_enough = found.ess >= ENOUGH and len(found.x) == N_DRAWS
     if was_enough and found.pareto_k <= HEAVY_PARETO_K:
         return found
-    for _ in range(MAX_REFINEMENTS):
-        found = _refined(target, found, rng)
-        if found.is_trusted:
+    random = np.random.RandomState(np.random.MT19937(rng.integers(2**63)))
+    first = proposal = _mixture(target, found, rng, random)
+    for n in range(1, MAX_REFINEMENTS + 1):
+        before, found = found, _proposed(target, proposal, random)
+        found = replace(found, n_refinements=n)
+        if before.is_trusted and found.is_trusted:
             break
+        # The sweep follows ridges far; what is fitted to its draws is nearest to it.
+        proposal = first.beside(_mixture(target, found, rng, random))
     return found
 
 
@@ -180,23 +187,29 @@ def _swept(target: Target, rng: np.random.Generator) -> WeightedDraws:
     return _drawn(batch, ENOUGH_TO_FIT)
 
 
-def _refined(
-    target: Target, found: WeightedDraws, rng: np.random.Generator
-) -> WeightedDraws:
-    """Draws proposed by a mixture that resembles draws of the posterior."""
-    random = np.random.RandomState(np.random.MT19937(rng.integers(2**63)))
-
-    def log_prob(x: Float[np.ndarray, "n p"]) -> Float[np.ndarray, " n"]:
-        return in_chunks(lambda rows: _log_probs(target, rows), x, N_ROWS)
-
+def _mixture(
+    target: Target,
+    found: WeightedDraws,
+    rng: np.random.Generator,
+    random: np.random.RandomState,
+) -> Mixture:
+    """A mixture that resembles draws of the posterior."""
     x, _ = found.resampled(N_FITTED, rng, power=FITTED_POWER)
     mixture = fit_mixture(x, rng, n_components=N_COMPONENTS)
-    spread = _spread(log_prob, x, mixture, random)
-    mixture = mixture.beside(fit_mixture(spread, rng, n_components=N_COMPONENTS))
+    n_steps = N_STEPS if found.is_trusted else N_FAR_STEPS
+    log_prob = functools.partial(_log_probs_of, target)
+    spread = _spread(log_prob, x, n_steps, mixture, random)
+    return mixture.beside(fit_mixture(spread, rng, n_components=N_COMPONENTS))
+
+
+def _proposed(
+    target: Target, mixture: Mixture, random: np.random.RandomState
+) -> WeightedDraws:
+    """Draws proposed by a mixture."""
 
     def batch() -> Draw:
         x = mixture.sample(random, N_DRAWS)
-        log_probs = log_prob(x)
+        log_probs = _log_probs_of(target, x)
         return Draw(
             x=as_float(x),
             log_weight=as_float(log_probs - mixture.log_density(x)),
@@ -204,13 +217,13 @@ def _refined(
             outer=as_float(x[:, 0]),  # any coordinate orders them
         )
 
-    n_refinements = found.n_refinements + 1
-    return replace(_drawn(batch, ENOUGH), n_refinements=n_refinements)
+    return _drawn(batch, ENOUGH)
 
 
 def _spread(
     log_prob: LogProb,
     x: Float[np.ndarray, "n p"],
+    n_steps: int,
     mixture: Mixture,
     random: np.random.RandomState,
 ) -> Float[np.ndarray, "n p"]:
@@ -222,7 +235,7 @@ def _spread(
     chain, _ = advance(
         lambda x: SPREADING_POWER * log_prob(x),
         x,
-        N_STEPS,
+        n_steps,
         moves=both_moves(1, mixture),
         random=random,
     )
@@ -302,6 +315,13 @@ def _smoothed(log_weight: Float[Array, " n"]) -> tuple[Float[Array, " n"], Scala
     from blackjax.diagnostics import psis_weights  # noqa: PLC0415 - slow to load
 
     return psis_weights(log_weight)
+
+
+def _log_probs_of(
+    target: Target, x: Float[np.ndarray, "n p"]
+) -> Float[np.ndarray, " n"]:
+    """Log densities of any number of points."""
+    return in_chunks(lambda rows: _log_probs(target, rows), x, N_ROWS)
 
 
 @compiled
