@@ -125,8 +125,13 @@ def _upside_down(frame: pd.DataFrame, settings: PeakSettings, unit: Unit) -> lis
 
 
 def brushes_left_out(paired: Paired, unit: Unit) -> list[str]:
-    """Humps that may be no pushes, and are no rows; nothing where there are none."""
-    own = [e for e in paired.found.extents if e.is_brush and e not in paired.chosen]
+    """Humps that may be no pushes, and are none; nothing where there are none.
+
+    One at the moment of a missing push is where that is measured, and no push either.
+    """
+    rows = zip(paired.chosen, paired.is_missing, strict=True)
+    pushes = [extent for extent, is_missing in rows if not is_missing]
+    own = [e for e in paired.found.extents if e.is_brush and e not in pushes]
     if not own:
         return []
     return [

@@ -328,3 +328,21 @@ def test_all_that_is_left_out_as_far_smaller_is_listed():
     for line in (told, str(caught.value).partition("far smaller")[2]):
         when = [float(word) for word in re.findall(r"([\d.]+) s \(", line)]
         np.testing.assert_allclose(when, small, rtol=0, atol=MIDDLE)
+
+
+@pytest.mark.parametrize("use_missing", [False, True])
+def test_a_brush_where_a_push_is_missing_is_listed(use_missing):
+    """Off the beat it is not paired, and the row of its height has no word of it."""
+    time, tops = np.arange(0.0, 39.0, 0.01), 3.0 + 4.0 * np.arange(9)
+    tops[-1] -= 0.4
+    y = 0.02 * np.random.default_rng(4).standard_normal(time.size)
+    for top, height in zip(tops, [*np.full(8, 30.0), 1.5], strict=True):
+        y += height * np.clip(1 - np.abs(time - top), 0, None)
+    recording = Recording(time=time, channels={"p": y}, units={"p": "n"})
+    plan = PushSchedule.planned(np.radians(10.0 * np.arange(9)), np.zeros(9))
+    settings = PeakSettings(use_missing=use_missing)
+    table = extract_peaks(recording, plan, settings=settings)
+    flag = "" if use_missing else "missing"
+    assert table.frame["flags"].tolist() == [""] * 8 + [flag]
+    (told,) = (line for line in table.cautions if "far smaller" in line)
+    assert "at 34.6" in told
