@@ -47,8 +47,8 @@ _OF_USUAL, _POINTS = 0.5, 240
 BRIEFER = 10.0
 # Means of the signal that differ by so many sd are no chance.
 _BEYOND = 6.0
-# A level that is not left is a rest if so many pushes return to it: wiggles of one that
-# the recording cuts do not. Not tuned.
+# A level that is not left is a rest if so many pushes return to it, or one that is
+# `_OF_USUAL`: wiggles of one that the recording cuts do not, or are lower. Not tuned.
 _RETURNS = 3
 # Times that pushes are joined, and parted, by their own course: an end for what would
 # go on for ever. Half or twice as many change no real recording.
@@ -79,10 +79,10 @@ def find_extents(view: View) -> tuple[Extent, ...]:
     is_low = is_low[whose]
     is_cut = are_cut(view, feet)
     is_push = ~_are_trends(feet, is_cut=is_cut, time=time, is_low=is_low)
-    beyond = _beyond_steps(view, rows_of(feet, np.flatnonzero(~is_push & is_cut)))
-    trends = np.flatnonzero(~is_push & is_cut)
-    if trends.size and not beyond and not (is_cut | is_low).all():
-        least = _OF_USUAL * float(np.median(feet.height[~is_cut & ~is_low]))
+    trends, whole = np.flatnonzero(~is_push & is_cut), feet.height[~is_cut & ~is_low]
+    least = _OF_USUAL * float(np.median(whole)) if whole.size else np.inf
+    beyond = _beyond_steps(view, rows_of(feet, trends), least=least)
+    if trends.size and whole.size and not beyond:
         is_push[trends] = _have_tops(view, rows_of(feet, trends), least=least)
     within, contact = from_within(view, feet)
     is_jerk, rows = ~is_push, np.flatnonzero(is_push)
@@ -116,12 +116,16 @@ def find_extents(view: View) -> tuple[Extent, ...]:
     return tuple(sorted(pushes, key=lambda push: push.t_peak))
 
 
-def _beyond_steps(view: View, steps: Feet[np.ndarray]) -> list[Extent]:
-    """Pushes on levels that the signal begins with, or goes to and does not leave."""
+def _beyond_steps(view: View, steps: Feet[np.ndarray], *, least: float) -> list[Extent]:
+    """Pushes on levels that the signal begins with, or goes to and does not leave.
+
+    Args:
+        least: Height by which a single push shows that a level is a rest [unit].
+    """
     begin, end = float(view.time[0]), float(view.time[-1])
     found = []
     for step in steps.apart():
-        is_after = step.half_down >= end
+        is_after = end - step.half_down < step.half_up - begin
         edge = step.half_up if is_after else step.half_down
         edge = _off_flank(view, edge, 1 if is_after else -1)
         if not begin < edge < end:
@@ -132,7 +136,8 @@ def _beyond_steps(view: View, steps: Feet[np.ndarray]) -> list[Extent]:
             for push in find_extents(part)
             if not push.is_cut or push.t_start > edge or push.t_end < edge
         ]
-        if sum(_returns_to_rest(push) for push in pushes) >= _RETURNS:
+        heights = [push.height for push in pushes if _returns_to_rest(push)]
+        if len(heights) >= _RETURNS or max(heights, default=0.0) >= least:
             first = int(np.searchsorted(view.time, edge)) if is_after else 0
             found += [
                 replace(push, start=push.start + first, end=push.end + first)

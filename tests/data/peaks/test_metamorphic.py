@@ -38,6 +38,7 @@ FEW = 0.01
 # A sensor falls by so much on release, and comes back. A drift through what is shown of
 # that would move the middle of the last push by 1.7 or more.
 FALL, NO_DRIFT = 6.0, 1.0
+FEET = 0.1  # a quarter of a flank, on which a foot is found [s]
 SHOWN = 2.5  # a rest on either side shows a drift to less than half of it
 RESAMPLED = 2.0  # other samples have other noise [sd]
 HELD = 0.3  # a hold of 1.4 N is read and not guessed: to a fifth of it, at two sd [N]
@@ -233,6 +234,9 @@ def test_a_step_of_the_rest_level_is_no_push_and_hides_none(shape, step):
         (1.0, 1000.0),
         (1.0, 3000.0),
         *((13.0, k) for k in (-3000.0, -500.0, 500.0, 3000.0)),
+        # Two pushes are on the other level, too few to be known by their returns.
+        *((9.0, k) for k in (-3000.0, -500.0)),
+        *((17.0, k) for k in (500.0, 3000.0)),
     ],
 )
 def test_a_step_far_larger_than_the_pushes_hides_none(shape, rise, when, step):
@@ -244,6 +248,21 @@ def test_a_step_far_larger_than_the_pushes_hides_none(shape, rise, when, step):
     for own, other in zip(found, whole, strict=True):
         assert abs(own.height - other.height) < 2 * own.sd
         assert not own.flags
+
+
+@pytest.mark.parametrize("end", [31.0, 31.9, 32.0])
+@pytest.mark.parametrize("when", [11.5, 12.0, 12.5])
+def test_no_push_beside_a_step_has_two_rows(when, end):
+    """By its last samples a level was taken for one that the signal begins with."""
+    time = np.arange(0.0, end, 0.02)
+    y = np.random.default_rng(RNG).standard_normal(time.size)
+    tops = (4.7, 8.7, 16.7, 20.7, 24.7, 28.7)
+    for top, height in zip(tops, (460.0, 240, 210, 260, 340, 480), strict=True):
+        y += height * np.clip(2.5 - 2.5 * np.abs(time - top), 0, 1)
+    found = measured(time, y + 1500.0 * np.clip((time - when) / 0.4, 0, 1))
+    assert [push.start for push in found] == pytest.approx(
+        [top - 1.0 for top in tops], abs=FEET
+    )
 
 
 @SHAPES
