@@ -150,12 +150,16 @@ def _named(
     Args:
         array: Name of the table among the arrays of its file.
     """
-    names = [name for name in columns if name != "..."]
-    if not names or len(names) > rows.shape[1]:
+    names, n_columns = [name for name in columns if name != "..."], rows.shape[1]
+    is_named = len(names) <= n_columns if "..." in columns else len(names) == n_columns
+    if not names or not is_named:
         what = "holds" if array is None else f"array {array!r} holds"
+        way = STATE_COLUMNS
+        if names:
+            way = f"named were {len(names)}; {way}"
+        if len(names) == len(rows):
+            way += "; if its rows are the columns, save it transposed, as table.T"
         raise refuse(
-            "no_header",
-            f"{what} {rows.shape[1]} columns without names; {STATE_COLUMNS}",
-            path=path,
+            "no_header", f"{what} {n_columns} columns without names; {way}", path=path
         )
     return {name: rows[:, k].astype(float) for k, name in enumerate(names)}

@@ -74,6 +74,8 @@ def test_the_only_table_of_an_archive_is_read_as_one_by_itself(
     [
         ({"data": ROWS}, (), "array 'data' holds 2 columns without names; state them"),
         ({"data": ROWS}, ("a_s", "b_n", "c_n"), "array 'data' holds 2 columns without"),
+        ({"data": ROWS}, ("force_n",), "2 columns without names; named were 1"),
+        ({"data": ROWS.T}, ("time_s", "force_n"), "save it transposed, as table.T"),
         (
             {"left": ROWS, "right": ROWS},
             ("time_s", "force_n"),
