@@ -76,9 +76,10 @@ def best_direction(
 
         α* = argmin over reachable α of P_r(θ, α)
 
-    Resistance grows with |B u(α)|, so α* is the soft axis or, out of reach of it, the
-    softer end of the reach. With two supports it is searched on a grid. Arbitrary where
-    the resistance does not depend on α.
+    Resistance of pushes that do not roll grows with |B u(α)|, so α* is the soft axis
+    or, out of reach of it, the softer end of the reach. Pushes that roll tell nothing
+    of it, but those that tilt the object, which resist most there. With two supports it
+    is searched on a grid. Arbitrary where the resistance does not depend on α.
 
     Args:
         params: Parameters; the ellipse has the soft axis.

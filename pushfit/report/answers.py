@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from pushfit.config.schema import ReachSection
 from pushfit.errors import counted
+from pushfit.fit.assess.model_free import ROLLED
 from pushfit.fit.assess.reporting_rules import Pieces, is_trusted, pieces_for
 from pushfit.fit.results import (
     FitStatus,
@@ -82,13 +82,11 @@ def alpha_star_answer(identification: Identification) -> AnswerText:
     subject, reach = "The best push direction α*", identification.config.reach
     if not is_trusted(identification):
         answer = _unquoted("alpha_star", subject, identification)
-        free = identification.alpha_star_model_free
-        return _with_remarks(answer, [_model_free_remark(quantity, free, reach)])
+        return _with_remarks(answer, [_model_free_remark(identification)])
     answer = _angle_answer(identification, quantity, subject)
     remarks = [_reach_remark(answer, reach.alpha_deg)]
     if quantity.estimate is not None:
-        free = identification.alpha_star_model_free
-        remarks.append(_model_free_remark(quantity, free, reach))
+        remarks.append(_model_free_remark(identification))
     return _with_caution(_with_remarks(answer, remarks), identification)
 
 
@@ -237,10 +235,10 @@ def _reach_remark(answer: AnswerText, reach: tuple[float, float]) -> str:
     return "It is the end of the reach; resistance may fall further beyond."
 
 
-def _model_free_remark(
-    quantity: Quantity, free: Quantity | None, reach: ReachSection
-) -> str:
+def _model_free_remark(identification: Identification) -> str:
     """What a cosine through the heights alone gives, and whether that is the same."""
+    quantity, reach = identification.alpha_star, identification.config.reach
+    free = identification.alpha_star_model_free
     if free is None or free.estimate is None:
         return ""
     is_bare = quantity.estimate is not None and quantity.interval is None
@@ -259,6 +257,8 @@ def _model_free_remark(
     # Half the sum of the widths: the intervals just touch.
     touching = (spread + quantity.interval[1] - quantity.interval[0]) / 2
     word = "agrees" if gap <= touching else "disagrees"
+    if any(warning.code == ROLLED for warning in identification.warnings):
+        word = "differs, as pushes that roll meet most resistance along α*"
     return f"A cosine through the heights alone {word}: {number}."
 
 

@@ -16,7 +16,8 @@ from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.tables.rules import CHANNELS
 from pushfit.errors import ConfigError, counted
-from pushfit.fit.assess.warnings import DISAGREEMENT, INADEQUATE, NOT_CONVERGED
+from pushfit.fit.assess.model_free import DISAGREEMENT
+from pushfit.fit.assess.warnings import INADEQUATE, NOT_CONVERGED
 from pushfit.fit.problem.problem import STUDENT_DOF
 from pushfit.fit.results import ResultWarning
 from pushfit.model import Grasp

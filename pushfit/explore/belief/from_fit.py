@@ -7,6 +7,7 @@
 import contextlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
@@ -18,13 +19,15 @@ from pushfit.errors import FitError
 from pushfit.explore.belief.belief import N_DRAWS, Belief, Question
 from pushfit.explore.belief.tables import table_of
 from pushfit.explore.records import ToldPush
-from pushfit.fit.assess.model_free import model_free_direction
+from pushfit.fit.assess.model_free import (
+    direction_disagreement,
+    model_free_direction,
+)
 from pushfit.fit.assess.verdicts import angle_quantity
 from pushfit.fit.assess.warnings import (
     INADEQUATE,
     against_prior,
     convergence_warnings,
-    direction_disagreement,
     untested,
 )
 from pushfit.fit.checks.leave_one_out import LeftOut, unpredicted
@@ -208,7 +211,13 @@ def _told_by_draws(
             "alpha_star", posterior, None, prob=prob, is_axis=reach.is_whole
         )
         free = model_free_direction(table, reach=reach, prob=prob, seed=seed)
-        yield from direction_disagreement(quantity, free)
+        yield from direction_disagreement(
+            quantity,
+            free,
+            table,
+            grasp=drawn.setup.problem.grasp,
+            predict=partial(_likeliest_heights, drawn),
+        )
     checks = predictive_checks(table, drawn.setup, posterior, seed=seed)
     missed = missed_features(checks) or _unexplained(drawn, n_told)
     if wrong:
@@ -229,19 +238,27 @@ def _unexplained(drawn: _Drawn, n_told: int) -> str | None:
 
     As of a fit it is asked where neither a stated noise nor repeats judge the model.
     """
-    table, setup, posterior = drawn.table, drawn.setup, drawn.posterior
+    table, setup = drawn.table, drawn.setup
     problem, rows = setup.problem, np.array([r for r in setup.rows if r < n_told])
     has_repeats = np.unique(table.groups[rows]).size < rows.size
     if setup.noise.kind == "given" or has_repeats:
         return None
-    likeliest = [int(np.argmax(posterior.log_prob))]
-    draw = {name: values[likeliest] for name, values in posterior.samples.items()}
-    heights = predict_draws(problem, draw, problem.angles).heights
+    heights = _likeliest_heights(drawn, problem.angles)
     observed = np.asarray(problem.observed)[:, : rows.size]
-    off = problem.differences(heights)[0, :, : rows.size]
+    off = problem.differences(heights[None])[0, :, : rows.size]
     channel = np.repeat(np.array(problem.channels), rows.size)
     r_squared = share_explained(observed.ravel(), (observed + off).ravel(), channel)
     return explains_little(r_squared, table, rows, n_free=problem.n_free)
+
+
+def _likeliest_heights(
+    drawn: _Drawn, angles: Float[np.ndarray, "2 n"]
+) -> Float[np.ndarray, "c n"]:
+    """What the likeliest draw gives for pushes along θ and α [rad]."""
+    posterior = drawn.posterior
+    likeliest = [int(np.argmax(posterior.log_prob))]
+    draw = {name: values[likeliest] for name, values in posterior.samples.items()}
+    return predict_draws(drawn.setup.problem, draw, angles).heights[0]
 
 
 def _prior_belief(question: Question, seed: int) -> Belief:

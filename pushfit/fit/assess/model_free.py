@@ -7,6 +7,8 @@ model's, one of the two assumptions fails. Excluded: the model's own α*
 (`pushfit.mechanics.directions`).
 """
 
+from collections.abc import Callable, Iterator
+
 import numpy as np
 import scipy
 from jaxtyping import Float, Int
@@ -19,10 +21,16 @@ from pushfit.fit.problem.derived import (
     highest_density_set,
     median,
 )
-from pushfit.fit.results import Quantity, Verdict
+from pushfit.fit.results import Quantity, ResultWarning, Verdict
+from pushfit.model import Grasp
 
 # Below three azimuths per elevation a cosine passes through any heights.
 MIN_AZIMUTHS = 3
+# Codes by which others know that the two directions differ.
+DISAGREEMENT, ROLLED = "alpha_star_disagreement", "alpha_star_of_rolling_pushes"
+# The plainest first. Normal heights have no such wave, or of an object that tilts that
+# of resistance upside down.
+RESISTING = ("height_tangential", "height")
 # Draws of the harmonic: ends of a 90 % interval are then good to 0.03 sd.
 N_DRAWS = 4000
 
@@ -33,16 +41,17 @@ def model_free_direction(
     """Direction of least height within the reach by a cosine of period 180°.
 
     Args:
-        table: Peak heights; the first channel present is used.
+        table: Peak heights; of components the tangential one is used.
 
     Returns:
         The direction [deg]; None without an elevation pushed in three azimuths and
-        rows to spare. NOT_DETERMINED where the amplitude may be zero.
+        rows to spare, or with normal heights alone. NOT_DETERMINED where the amplitude
+        may be zero.
     """
-    rows = _sweep_rows(table)
-    if rows is None:
+    rows, channel = _sweep_rows(table), _channel(table)
+    if rows is None or channel is None:
         return None
-    heights = table.heights(table.channels[0])[rows]
+    heights = table.heights(channel)[rows]
     design, n_levels = _design(table.theta[rows], table.alpha[rows])
     dof = heights.size - design.shape[1]
     if dof < 1 or np.linalg.matrix_rank(design) < design.shape[1]:
@@ -73,6 +82,71 @@ def model_free_direction(
         contraction=None,
         note="minimum of c0 + c1 cos 2α + s1 sin 2α",
     )
+
+
+def direction_disagreement(
+    alpha_star: Quantity,
+    model_free: Quantity | None,
+    table: PeakTable,
+    *,
+    grasp: Grasp,
+    predict: Callable[[Float[np.ndarray, "2 n"]], Float[np.ndarray, "c n"]],
+) -> Iterator[ResultWarning]:
+    """Model and cosine point in different directions.
+
+    Args:
+        grasp: Names the mechanics, by which an object tilts or not.
+        predict: Heights that the model gives for θ and α [rad], by channel.
+    """
+    if model_free is None or model_free.interval is None or alpha_star.interval is None:
+        return
+    (low, high), (other_low, other_high) = alpha_star.interval, model_free.interval
+    width, middle = other_high - other_low, (other_low + other_high) / 2
+    if _between((low + high) / 2, middle) <= (high - low + width) / 2:
+        return
+    where = (
+        f"α* is in {low:.0f}° to {high:.0f}° by the model but in {other_low:.0f}° to "
+        f"{other_high:.0f}° by a cosine through the heights"
+    )
+    # What heights leave open of the model turns its own cosine about as far.
+    turned = _modelled_minimum(table, predict) if grasp.law.has_length else np.nan
+    if _between(turned, middle) <= width:
+        yield ResultWarning(
+            code=ROLLED,
+            text=f"{where}, and by one through those of the model as well: where an "
+            "object tilts, pushes that roll meet most resistance along α*, and α* is "
+            "that of pushes that do not; sweep the azimuth above θ_c to see it",
+        )
+    else:
+        yield ResultWarning(
+            code=DISAGREEMENT,
+            text=f"{where}; do not trust either without looking at the figure",
+        )
+
+
+def _modelled_minimum(
+    table: PeakTable,
+    predict: Callable[[Float[np.ndarray, "2 n"]], Float[np.ndarray, "c n"]],
+) -> float:
+    """Where the cosine through the heights of the model is least [deg]."""
+    rows, channel = _sweep_rows(table), _channel(table)
+    if rows is None or channel is None:
+        return np.nan
+    theta, alpha = table.theta[rows], table.alpha[rows]
+    heights = predict(np.stack([theta, alpha]))[table.channels.index(channel)]
+    design, n_levels = _design(theta, alpha)
+    coefficients, *_ = np.linalg.lstsq(design, heights, rcond=None)
+    return float(_minimum(coefficients[None, n_levels:])[0])
+
+
+def _between(one: float, other: float) -> float:
+    """Angle between two axes [deg]."""
+    return abs((other - one + 90.0) % 180.0 - 90.0)
+
+
+def _channel(table: PeakTable) -> str | None:
+    """The channel that is least where a push meets least resistance."""
+    return next((c for c in RESISTING if c in table.channels), None)
 
 
 def _sweep_rows(table: PeakTable) -> Int[np.ndarray, " k"] | None:

@@ -14,6 +14,7 @@ import scipy
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.text.faults import listed
+from pushfit.fit.assess.model_free import direction_disagreement
 from pushfit.fit.checks.leave_one_out import LeftOut, unlike_words
 from pushfit.fit.checks.model_checking import LEVEL, MIN_TESTED, label
 from pushfit.fit.problem.derived import median
@@ -26,7 +27,6 @@ from pushfit.fit.results import (
     FitStatus,
     Identification,
     PosteriorResult,
-    Quantity,
     ResultWarning,
     Verdict,
 )
@@ -35,7 +35,6 @@ from pushfit.parameters import NAMED, STIFFNESSES
 
 # Codes by which others know that numbers are not to be quoted.
 INADEQUATE = "model_inadequate"
-DISAGREEMENT = "alpha_star_disagreement"
 NOT_CONVERGED = FitStatus.NOT_CONVERGED.name.lower()
 # Share of the range of a uniform prior beside a bound, and of a posterior in it that is
 # pressed against the bound: twice what is there where heights say nothing.
@@ -194,7 +193,14 @@ def result_warnings(
             yield ResultWarning(
                 code=f"{quantity.name}_{quantity.verdict.value}", text=text
             )
-    yield from direction_disagreement(found.alpha_star, found.alpha_star_model_free)
+    best = found.fit.estimate[None]
+    yield from direction_disagreement(
+        found.alpha_star,
+        found.alpha_star_model_free,
+        found.table,
+        grasp=setup.problem.grasp,
+        predict=lambda angles: predict_points(setup.problem, best, angles).heights[0],
+    )
     yield from bound_warnings(setup, posterior)
 
 
@@ -255,26 +261,6 @@ def against_prior(
             "that is not stated, a drift in the order of θ, or one component in the "
             "other would look the same, with another θ_c: rule these out, or state a "
             "prior of p that allows for it",
-        )
-
-
-def direction_disagreement(
-    alpha_star: Quantity, model_free: Quantity | None
-) -> Iterator[ResultWarning]:
-    """Model and cosine point in different directions."""
-    if model_free is None:
-        return
-    if alpha_star.interval is None or model_free.interval is None:
-        return
-    (low, high), (other_low, other_high) = alpha_star.interval, model_free.interval
-    gap = (other_low + other_high - low - high) / 2
-    distance = abs((gap + 90.0) % 180.0 - 90.0)
-    if distance > (high - low + other_high - other_low) / 2:
-        yield ResultWarning(
-            code=DISAGREEMENT,
-            text=f"α* is in {low:.0f}° to {high:.0f}° by the model but in "
-            f"{other_low:.0f}° to {other_high:.0f}° by a cosine through the heights; "
-            "do not trust either without looking at the figure",
         )
 
 

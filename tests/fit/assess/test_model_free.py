@@ -1,12 +1,21 @@
 """The cosine through the heights: known minima, a seam, and no minimum at all."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pushfit.config.schema import ReachSection
+from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.assess.model_free import model_free_direction
+from pushfit.fit.assess.model_free import (
+    DISAGREEMENT,
+    ROLLED,
+    direction_disagreement,
+    model_free_direction,
+)
 from pushfit.fit.results import Verdict
+from pushfit.model import Grasp, Parameters, Pushes, forward
 from tests.tolerances import MAX_Z
 
 # Noise of a billionth of the wave turns its minimum by less [deg].
@@ -16,6 +25,24 @@ N_TABLES = 300
 CHANCE = MAX_Z * np.sqrt(N_TABLES * 0.9 * 0.1)
 
 REACH = ReachSection()
+
+# Soft axis of a grasp that tilts, and what a cosine misses of the shape of the wave and
+# of the noise [deg].
+AXIS_DEG = 65.0
+OF_A_COSINE = 3.0
+ALONG = 2 * np.radians(AXIS_DEG + 90.0)
+SOFT = Parameters(
+    K_sn=800,
+    K_dn=1500,
+    K_st=400,
+    C_rr=0.5,
+    C_d=0.5,
+    L=0.04,
+    e1=1.2 * np.cos(ALONG),
+    e2=1.2 * np.sin(ALONG),
+)
+LINEAR = Grasp(push_length=5e-3)
+TILTING = replace(LINEAR, mechanics="tilting")
 
 ALPHA_DEG = np.tile(np.arange(0.0, 180.0, 30.0), 3)
 
@@ -29,6 +56,20 @@ def wave_table(axis_deg: float, amplitude: float, noise: float, seed: int = 0):
         alpha=np.radians(ALPHA_DEG),
         heights={"height": heights},
         unit="n",
+    )
+
+
+def tilting_table(theta_deg: float, channels: tuple[str, ...]) -> PeakTable:
+    """Pushes of 5 mm along all azimuths; they roll below about 32°."""
+    return simulate_table(
+        SOFT,
+        TILTING,
+        theta=np.radians(theta_deg),
+        alpha=np.radians(ALPHA_DEG),
+        repeats=1,
+        noise=1e-3,
+        rng=np.random.default_rng(0),
+        channels=channels,
     )
 
 
@@ -58,6 +99,57 @@ def test_the_minimum_lies_within_the_reach(alpha_deg, expected):
     assert found.interval is not None
     ends = np.array([found.estimate, *found.interval])
     np.testing.assert_allclose(ends, expected, rtol=0, atol=OF_NOISE)
+
+
+@pytest.mark.parametrize(
+    "channels",
+    [
+        ("height_normal", "height_tangential"),
+        ("height", "height_normal", "height_tangential"),
+        ("height",),
+    ],
+    ids=["components", "all", "magnitude"],
+)
+def test_a_tilting_object_is_softest_where_its_tangential_height_is_least(channels):
+    """Its normal height is then largest, as the object tilts least."""
+    table = tilting_table(60.0, channels)
+    found = model_free_direction(table, reach=REACH, prob=0.9, seed=0)
+    assert found is not None
+    assert found.estimate is not None
+    np.testing.assert_allclose(found.estimate, AXIS_DEG, rtol=0, atol=OF_A_COSINE)
+
+
+@pytest.mark.parametrize(
+    ("theta_deg", "is_described", "codes"),
+    [
+        (60.0, True, []),
+        (15.0, True, [ROLLED]),
+        (15.0, False, [DISAGREEMENT]),
+    ],
+)
+def test_pushes_that_roll_turn_the_cosine_as_the_model_has_it(
+    theta_deg, is_described, codes
+):
+    """Those of 15° roll, and a tilting object then resists most along its soft axis."""
+    table = tilting_table(theta_deg, ("height",))
+    free = model_free_direction(table, reach=REACH, prob=0.9, seed=0)
+    assert free is not None
+    around = (AXIS_DEG - OF_A_COSINE, AXIS_DEG + OF_A_COSINE)
+    alpha_star = replace(free, estimate=AXIS_DEG, interval=around)
+
+    def predict(angles):
+        grasp = TILTING if is_described else LINEAR
+        return np.asarray(forward(SOFT, Pushes(*angles), grasp).height)[None]
+
+    found = direction_disagreement(
+        alpha_star, free, table, grasp=TILTING, predict=predict
+    )
+    assert [warning.code for warning in found] == codes
+
+
+def test_normal_heights_alone_have_no_direction():
+    table = tilting_table(60.0, ("height_normal",))
+    assert model_free_direction(table, reach=REACH, prob=0.9, seed=0) is None
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ import pytest
 from pushfit.config import GraspConfig
 from pushfit.fit.assess.reporting_rules import reported
 from pushfit.fit.assess.verdicts import angle_quantity
-from pushfit.fit.results import FitStatus, Verdict
+from pushfit.fit.results import FitStatus, ResultWarning, Verdict
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.fact_rows import angle_rows
 from pushfit.report.frames import correlations, result_frame
@@ -184,6 +184,16 @@ def test_the_model_free_direction_is_compared_on_the_circle(
         alpha_star_model_free=make_angle("alpha_star", free),
     )
     assert f"alone {word}" in sentence_alpha_star(result)
+
+
+def test_a_cosine_through_pushes_that_roll_does_not_disagree(make_identification):
+    result = make_identification(
+        alpha_star=make_angle("alpha_star", 65.0),
+        alpha_star_model_free=make_angle("alpha_star", 155.0),
+        warnings=(ResultWarning(code="alpha_star_of_rolling_pushes", text=""),),
+    )
+    sentence = sentence_alpha_star(result)
+    assert "differs, as pushes that roll meet most resistance along α*" in sentence
 
 
 @pytest.mark.parametrize(("theta_c", "is_said"), [(70.0, True), (50.0, False)])
