@@ -10,6 +10,7 @@ References:
     Eq. (n) is equation n of He & Zhang (2014), doi:10.1007/s11432-014-5216-3.
 """
 
+from pushfit.arguments import checked
 from pushfit.mechanics.containers import Channels as Channels
 from pushfit.mechanics.containers import Contact as Contact
 from pushfit.mechanics.containers import Forces as Forces
@@ -41,6 +42,7 @@ def forces(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) -> Forces
     return grasp.law.forces(params, pushes, grasp)
 
 
+@checked
 def forward(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) -> Channels:
     """What the sensors report: the one way from parameters to predictions.
 

@@ -17,6 +17,7 @@ from typing import get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from pushfit.arguments import checked
 from pushfit.config.schema import GraspConfig
 from pushfit.config.section import Section
 from pushfit.errors import ConfigError, InputProblem
@@ -33,6 +34,7 @@ _UNCHANGED: Mapping[str, Mapping[str, object]] = MappingProxyType({})
 CODES = {"extra_forbidden": "unknown_key", "missing": "missing_key"}
 
 
+@checked
 def read_config(
     path: str | Path | None,
     *,

@@ -15,11 +15,14 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
+from pushfit.arguments import checked
 from pushfit.atomic import atomic_path
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.recordings.records import Recording
 from pushfit.data.tables.peak_table import PeakTable
+from pushfit.data.tables.rules import CHANNELS
 from pushfit.data.units import in_degrees
+from pushfit.errors import ConfigError
 from pushfit.model import Channels, Grasp, Parameters, Pushes, forward
 
 # Components of a recorded force.
@@ -35,6 +38,7 @@ ALPHA_SWEEP = PushSchedule.planned(
 _forward = eqx.filter_jit(forward)
 
 
+@checked
 def simulate_table(
     params: Parameters,
     grasp: Grasp,
@@ -67,6 +71,10 @@ def simulate_table(
     Returns:
         The table; pushes that lift the finger off are flagged `lost_contact`.
 
+    Raises:
+        ConfigError: Noise is negative, or of another number of pushes, or a channel is
+            not known.
+
     Examples:
         >>> springs = {"K_sn": 600, "K_dn": 300, "K_st": 400}  # A = B = 200 N/m
         >>> table = simulate_table(
@@ -82,6 +90,18 @@ def simulate_table(
         [0.559, 1.0]
     """
     plan = PushSchedule.planned(theta, alpha, repeats=repeats)
+    if np.shape(noise) not in ((), (plan.n_pushes,)) or np.any(np.less(noise, 0)):
+        raise ConfigError(
+            f"noise = {noise}: must be 0 or above, and one number or one for each of "
+            f"the {plan.n_pushes} pushes",
+            code="noise",
+        )
+    if unknown := set(channels) - set(CHANNELS):
+        raise ConfigError(
+            f"channels: {', '.join(sorted(unknown))} is not known; name some of "
+            f"{', '.join(CHANNELS)}",
+            code="channels",
+        )
     truth = _forward(params, Pushes(theta=plan.theta, alpha=plan.alpha), grasp)
     heights = {
         name: np.asarray(getattr(truth, name))
@@ -194,6 +214,7 @@ class SimulatedRecording:
     t_peak: Float[np.ndarray, " n"]
 
 
+@checked
 def simulate_recording(
     params: Parameters,
     grasp: Grasp,

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pushfit.arguments import checked
 from pushfit.config import Settings, as_config
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError, DataError
@@ -94,6 +95,7 @@ class Explorer:
         DataError: The journal is damaged.
     """
 
+    @checked
     def __init__(
         self,
         config: Settings | None,
@@ -139,6 +141,7 @@ class Explorer:
         self.journal = Journal(None if journal is None else Path(journal))
         self._resume(start_event(self.question, self.judge, limits, hand))
 
+    @checked
     def attach(self, table: PeakTable) -> None:
         """Take in pushes that were made before.
 
@@ -168,6 +171,7 @@ class Explorer:
         )
         self._settle()
 
+    @checked
     def ask(self, n: int = 1) -> tuple[Suggestion, ...]:
         """Pushes that would tell most, the best first; none once there is an answer.
 
@@ -245,6 +249,7 @@ class Explorer:
         self._settle()
         return self.state
 
+    @checked
     def fail(self, suggestion: Suggestion, reason: str) -> None:
         """Say that a push gave no height, such as "stalled".
 
@@ -259,6 +264,7 @@ class Explorer:
         """
         self._failed(suggestion, reason, is_final=False)
 
+    @checked
     def abandon(self, suggestion: Suggestion, reason: str = ABANDONED) -> None:
         """Say that a push is not to be made; it is never asked again.
 

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import ValidationError
 
+from pushfit.arguments import checked
 from pushfit.config import GraspConfig
 from pushfit.config.explore import ExploreSection
 from pushfit.config.file import problems
@@ -73,6 +74,7 @@ class Limits(ExploreSection):
             )
 
     @classmethod
+    @checked
     def of(cls, config: GraspConfig, **stated: Any) -> "Limits":
         """Limits as `[explore]` and `[reach]` of the settings have them.
 

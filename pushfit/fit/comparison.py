@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from pushfit.arguments import checked
 from pushfit.config import GraspConfig
 from pushfit.config.rivals import NOISES, rival_configs
 from pushfit.data.tables.peak_table import PeakTable
@@ -142,6 +143,7 @@ class Comparison:
         return next((s for s in statuses if s is not FitStatus.OK), FitStatus.OK)
 
 
+@checked
 def compare_models(
     table: PeakTable,
     config: GraspConfig,

@@ -8,6 +8,7 @@ import math
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from pushfit.arguments import checked
 from pushfit.mechanics.containers import (
     Contact,
     Grasp,
@@ -28,6 +29,7 @@ N_AZIMUTHS = 361
 ROUNDING = 1e-9
 
 
+@checked
 def critical_angle(
     params: Parameters | Contact, grasp: Grasp, alpha: Float[Array, "*n"] | float
 ) -> Float[Array, "*n"]:
@@ -65,6 +67,7 @@ def soft_axis(params: Parameters) -> Scalar:
     return _half_turn((jnp.pi + jnp.arctan2(params.e2, params.e1)) / 2)
 
 
+@checked
 def best_direction(
     params: Parameters,
     grasp: Grasp,

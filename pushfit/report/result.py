@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from pushfit.arguments import checked
 from pushfit.fit.results import Identification, Quantity, Verdict
 from pushfit.report.answers import ANSWERS
 from pushfit.report.fact_rows import quantity_cells, verdict_word
@@ -229,6 +230,7 @@ class Result(Identification):
         return card_html(self)
 
 
+@checked
 def load(folder: str | Path) -> Result:
     """A result that `save` or `--out` wrote.
 

@@ -20,6 +20,7 @@ LAYERS = (
 )
 # What stands at the top level besides.
 MEMBERS = {
+    "arguments": "errors",
     "atomic": "errors",
     "parameters": "errors",
     "mechanics": "model",

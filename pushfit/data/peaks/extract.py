@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
+from pushfit.arguments import checked
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.chosen_humps import (
     DEFAULTS,
@@ -61,6 +62,7 @@ class Heights:
     trace: Trace
 
 
+@checked
 def extract_peaks(
     recording: Recording,
     schedule: PushSchedule | None = None,

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float, Int
 
+from pushfit.arguments import checked
 from pushfit.atomic import atomic_path
 from pushfit.data.recordings.recognise import RecordingColumns
 from pushfit.data.rows import rows_of
@@ -169,6 +170,7 @@ class PushSchedule:
         )
 
 
+@checked
 def read_schedule(path: str | Path) -> PushSchedule:
     """Read a schedule, CSV or Parquet by its suffix.
 

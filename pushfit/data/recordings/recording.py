@@ -16,6 +16,7 @@ from types import MappingProxyType
 import numpy as np
 from jaxtyping import Num, Shaped
 
+from pushfit.arguments import checked
 from pushfit.config.inputs import Format, Gaps, Tail, ThetaFrom
 from pushfit.data.recordings.bags.bag import read_bag
 from pushfit.data.recordings.records import Recording
@@ -36,6 +37,7 @@ _NOTHING: Mapping[str, str] = MappingProxyType({})
 _UNCHANGED: Mapping[str, Calibration] = MappingProxyType({})
 
 
+@checked
 def read_recording(
     path: str | Path,
     *,

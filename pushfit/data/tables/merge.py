@@ -9,10 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from pushfit.arguments import checked
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import DataError
 
 
+@checked
 def merge_tables(tables: Sequence[PeakTable]) -> PeakTable:
     """Put tables below each other in order and number pushes and repeats through.
 

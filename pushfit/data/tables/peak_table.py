@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float, Int
 
+from pushfit.arguments import checked
 from pushfit.atomic import atomic_path, check_parent
 from pushfit.data.tables.columns import Origin, is_parquet, no_parquet, read_rows
 from pushfit.data.tables.rules import (
@@ -58,6 +59,7 @@ class PeakTable:
     left_out: tuple[str, ...] = ()
 
     @classmethod
+    @checked
     def from_frame(
         cls,
         frame: pd.DataFrame,
@@ -255,6 +257,7 @@ class PeakTable:
         return float(np.sqrt(residuals @ residuals / dof)), dof
 
 
+@checked
 def read_table(path: str | Path) -> PeakTable:
     """Read a table of peak heights, CSV or Parquet by its suffix.
 
@@ -285,6 +288,7 @@ def read_table(path: str | Path) -> PeakTable:
     )
 
 
+@checked
 def write_table(table: PeakTable, path: str | Path) -> None:
     """Write a table of peak heights, CSV or Parquet by its suffix.
 

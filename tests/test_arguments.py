@@ -1,0 +1,96 @@
+"""What is no argument of a public function is refused by name, value and next step."""
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import pushfit
+from pushfit.arguments import checked
+from pushfit.errors import ConfigError
+
+FRAME = pd.DataFrame({"theta_deg": [30.0], "alpha_deg": [0.0], "height_n": [2.0]})
+PARAMS = pushfit.Parameters(K_sn=600, K_dn=300, K_st=400, C_rr=0.5, C_d=0.25, L=0.025)
+GRASP = pushfit.Grasp(push_length=5e-3)
+SIMULATE = partial(
+    pushfit.simulate_table,
+    PARAMS,
+    GRASP,
+    theta=np.radians([30.0, 60.0]),
+    alpha=0.0,
+    repeats=1,
+)
+RNG = np.random.default_rng(0)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (
+            lambda: pushfit.extract_peaks(FRAME, FRAME),
+            ("extract_peaks: recording = a DataFrame: must be a Recording", "read_rec"),
+        ),
+        (
+            lambda: pushfit.compare_models(FRAME),
+            ("compare_models: table = a DataFrame: must be a PeakTable", "from_frame"),
+        ),
+        (
+            lambda: pushfit.read_table(FRAME),
+            ("read_table: path = a DataFrame: must be a str or a path",),
+        ),
+        (
+            lambda: pushfit.merge_tables([FRAME]),
+            ("merge_tables: tables[0] = a DataFrame: must be a PeakTable",),
+        ),
+        (
+            lambda: pushfit.forward(GRASP, PARAMS, PARAMS),
+            ("forward: params = a Grasp: must be a Parameters or a Contact",),
+        ),
+        (
+            lambda: pushfit.Explorer(None, sigma="0.1"),
+            ("Explorer: sigma = '0.1': must be a number or None",),
+        ),
+        (
+            lambda: SIMULATE(noise=0.1, rng=0),
+            ("simulate_table: rng = 0: must be a Generator", "numpy.random.default"),
+        ),
+        (lambda: SIMULATE(noise=-0.1, rng=RNG), ("noise = -0.1: must be 0 or above",)),
+        (lambda: SIMULATE(noise=np.ones(3), rng=RNG), ("noise = [1. 1. 1.]", "2 push")),
+        (
+            lambda: SIMULATE(noise=0.0, rng=RNG, channels=("hight",)),
+            ("channels: hight is not known", "height_tangential"),
+        ),
+    ],
+)
+def test_a_wrong_argument_is_named_with_what_to_give(call, words):
+    with pytest.raises(ConfigError) as raised:
+        call()
+    for part in words:
+        assert part in str(raised.value)
+
+
+@checked
+def measured(
+    names: str | Sequence[str | Path], widths: tuple[float, ...], n: float, k: int = 1
+) -> int:
+    """Any function."""
+    return len(names) + len(widths) + int(n) + k
+
+
+def test_a_list_will_do_for_a_tuple_and_numbers_of_numpy_for_those_of_python():
+    found = measured(["one"], [1.0, 2.0], np.float32(3.0), k=np.int64(4))  # type: ignore
+    assert found == 1 + 2 + 3 + 4
+
+
+def test_elements_of_a_list_are_named_by_their_number():
+    words = r"measured: names\[1\] = a DataFrame: must be a str or a path"
+    with pytest.raises(ConfigError, match=words):
+        measured(["one", FRAME], (), 3.0)  # type: ignore
+
+
+def test_what_is_missing_is_said_by_python():
+    with pytest.raises(TypeError, match=r"measured.*'n'"):
+        measured("one", ())  # type: ignore
