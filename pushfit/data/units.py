@@ -294,6 +294,9 @@ _MIN_JUDGED = 0.2
 # Elevations alone are if so many differ, by so much, and half are so large: robots
 # miss a stated one by less. Not tuned.
 _N_SWEPT, _SWEPT, _MIDDLE = 5, 0.5, 0.25
+# Azimuths are if all of so many, besides 0, are round numbers of degrees as radians of
+# two decimals: three numbers are by chance in one table of 500, whole degrees never.
+_N_AZIMUTHS, _ROUND, _OF_TWO_DECIMALS = 3, 5.0, 0.3
 
 
 def implausible_angles(
@@ -330,9 +333,12 @@ def implausible_angles(
     if small and max((top for top, _ in largest.values()), default=0.0) > _MIN_JUDGED:
         found = ", ".join(f"|{name}| <= {top:g}" for name, (top, _) in largest.items())
         return f"{found} in degrees look like radians; {cure('rad')}"
-    if "theta" in angles and largest["theta"][1] == "deg":
-        found = _radians_alone(angles["theta"][0])
-        return found and f"{found}; {cure('rad')}, or round those meant to be one"
+    for name, judge in (("theta", _radians_alone), ("alpha", _azimuths_in_radians)):
+        found = (
+            judge(angles[name][0]) if largest.get(name, ("",))[-1] == "deg" else None
+        )
+        if found is not None:
+            return f"{found}; {cure('rad')}, or round those meant to be one"
     return None
 
 
@@ -345,6 +351,23 @@ def _radians_alone(theta: Float[np.ndarray, " n"]) -> str | None:
         return None
     span = f"{swept[0]:.3g} to {swept[-1]:.3g} degrees"
     return f"{swept.size} elevations from {span} look like radians"
+
+
+def _azimuths_in_radians(alpha: Float[np.ndarray, " n"]) -> str | None:
+    """Say why azimuths are no degrees, whatever the elevations are.
+
+    Directions are planned in steps of some degrees, of which those in radians are odd
+    numbers that turn into round ones.
+    """
+    swept = np.unique(alpha[np.isfinite(alpha) & (alpha != 0)])
+    if swept.size < _N_AZIMUTHS or np.abs(swept).max() > _MAX_RADIANS["alpha"]:
+        return None
+    degrees = np.degrees(swept)
+    off = degrees - _ROUND * np.rint(degrees / _ROUND)
+    if np.abs(off).max() > _OF_TWO_DECIMALS:
+        return None
+    span = f"{swept[0]:.3g} to {swept[-1]:.3g} degrees"
+    return f"{swept.size} azimuths from {span} look like radians"
 
 
 def in_degrees(radians: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:

@@ -150,6 +150,13 @@ def test_counts_and_pascals_are_plausible_as_what_they_are():
         (np.random.default_rng(1).normal(0.0, 0.2, 2000), 2000 * [40.0], False),
         (np.random.default_rng(1).normal(1.0, 0.1, 12), np.arange(0, 180, 15.0), False),
         ([0.2, 0.6, 1.0, 1.4], 4 * [30.0], False),
+        # Azimuths beside elevations in degrees, as somebody types them, or writes them.
+        (6 * [15.0], [0.0, 0.52, 1.05, 1.57, 2.09, 2.62], True),
+        (12 * [15.0], np.radians(np.arange(-180.0, 180.0, 30.0)), True),
+        (7 * [15.0], np.arange(0.0, 7.0), False),
+        (5 * [15.0], np.arange(0.0, 2.5, 0.5), False),
+        (4 * [15.0], [0.0, 0.52, 1.05, 90.0], False),
+        (2000 * [15.0], np.random.default_rng(1).normal(0.0, 0.2, 2000), False),
     ],
 )
 def test_angles_in_degrees_are_doubted_only_together(theta, alpha, is_doubted):

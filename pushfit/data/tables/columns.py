@@ -40,10 +40,13 @@ class Origin:
     Args:
         path: File as the user named it; None for tables made in memory.
         lines: Line of the file of every row.
+        rows: Number of every row in a file without lines, from 0; None where the frame
+            holds all of them.
     """
 
     path: str | None = None
     lines: Int[np.ndarray, " n"] | None = None
+    rows: Int[np.ndarray, " n"] | None = None
 
     def problem(
         self, code: str, text: str, *, row: int | None = None, column: str, value: str
@@ -52,13 +55,13 @@ class Origin:
         line = None if row is None or self.lines is None else int(self.lines[row])
         place = self.path or "table"
         if row is not None and line is None:
-            place += f", row {row + 1}"
+            place += f", row {(row if self.rows is None else self.rows[row]) + 1}"
         made = problem(code, text, path=place, line=line, column=column, value=value)
         return replace(made, path=self.path)
 
     def places(self, rows: Int[np.ndarray, " m"]) -> str:
         """Lines of rows, or their numbers from 1 where there are no lines."""
-        word, numbers = "row", rows + 1
+        word, numbers = "row", (rows if self.rows is None else self.rows[rows]) + 1
         if self.lines is not None:
             word, numbers = "line", self.lines[rows]
         return f"{word}{'s' * (rows.size > 1)} {in_runs(numbers.tolist())}"

@@ -114,7 +114,7 @@ def read_grasps(path: str | Path) -> Iterator[GraspRows]:
             grasp=str(grasp),
             sha256=hashlib.sha256(header + hashes[where].tobytes()).hexdigest(),
             frame=cells.iloc[where].reset_index(drop=True),
-            origin=Origin(path=rows.origin.path, lines=lines),
+            origin=Origin(path=rows.origin.path, lines=lines, rows=where),
             source=rows.sources[-1],
         )
 

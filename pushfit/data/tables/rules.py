@@ -206,7 +206,8 @@ def check_columns(
     }
     implausible = implausible_angles(degrees, cure=_RENAMED)
     if implausible:
-        given = next(iter(columns.in_degrees.values()))
+        alone = [s for s in degrees if implausible_angles({s: degrees[s]})]
+        given = columns.in_degrees[[*alone, *degrees][0]]
         raise data_error(
             [origin.problem("implausible_angles", implausible, column=given, value="")]
         )

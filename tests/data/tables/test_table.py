@@ -255,6 +255,15 @@ def test_a_push_that_names_no_grasp_is_named_by_line_and_column(
     assert (found.code, found.line, found.column) == ("no_grasp", line, "grasp")
 
 
+def test_a_bad_cell_of_a_long_table_is_named_by_its_row_in_the_file(tmp_path):
+    pytest.importorskip("pyarrow")
+    frame = pd.read_csv(written(tmp_path, TWO))
+    frame.loc[frame.index[-1], "theta_deg"] = 200.0
+    frame.to_parquet(path := tmp_path / "long.parquet")
+    with pytest.raises(DataError, match=r"row 3, column theta_deg: 200 is outside"):
+        read_tables(path)
+
+
 def test_columns_that_are_not_used_may_hold_anything(tmp_path):
     """Notes of the operator, numbers with a word between them, empty cells."""
     lines = GOOD.splitlines()
@@ -279,6 +288,14 @@ def test_a_standard_deviation_must_be_positive(tmp_path, value):
     error = rejected(tmp_path, text)
     assert error.code == "sd_range"
     assert "give a number above 0" in str(error)
+
+
+def test_azimuths_in_radians_are_named_by_their_column(tmp_path):
+    text = "theta_deg,alpha_deg,height_n\n" + "".join(
+        f"15,{alpha},1\n" for alpha in ("0.52", "1.05", "1.57")
+    )
+    error = rejected(tmp_path, text)
+    assert "column alpha_deg: 3 azimuths from 0.52 to 1.57 degrees look" in str(error)
 
 
 def test_radians_under_a_degree_suffix_are_refused(tmp_path):
