@@ -446,7 +446,7 @@ class Explorer:
             return moved.sentence
         fault, is_found = None, self.state.answer in FINDINGS
         # Of pushes of its own the next reference says whether a slip came.
-        if is_found or all(row.is_attached for row in told):
+        if is_found or belief.is_guess or all(row.is_attached for row in told):
             fault = misfit(told, belief, self.question)
         return fault or (rejected(belief) if is_found else None)
 

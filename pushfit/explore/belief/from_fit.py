@@ -1,7 +1,7 @@
 """Beliefs from the inference: draws of the posterior, or of the prior to begin with.
 
-`believe` and `unlike_others` are all that this package asks the engines of
-`pushfit.fit`. Excluded: what one more push changes (`pushfit.explore.belief.learning`).
+Excluded: what one more push changes (`pushfit.explore.belief.learning`), and fits
+(`pushfit.explore.belief.best_fits`).
 """
 
 import contextlib
@@ -17,8 +17,6 @@ from pushfit.data.grasp import is_calibrated, make_grasp
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import FitError
 from pushfit.explore.belief.belief import N_DRAWS, Belief, Question
-from pushfit.explore.belief.tables import table_of
-from pushfit.explore.records import ToldPush
 from pushfit.fit.assess.model_free import (
     direction_disagreement,
     model_free_direction,
@@ -30,7 +28,6 @@ from pushfit.fit.assess.warnings import (
     convergence_warnings,
     untested,
 )
-from pushfit.fit.checks.leave_one_out import LeftOut, unpredicted
 from pushfit.fit.checks.model_checking import (
     explains_little,
     missed_features,
@@ -51,7 +48,7 @@ from pushfit.fit.problem.derived import samples_mapping
 from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.problem.predictions import predict_draws
 from pushfit.fit.problem.setup import Setup, build_problem, n_azimuths
-from pushfit.fit.profiles.least_squares import fit_least_squares, settle_noise
+from pushfit.fit.profiles.least_squares import settle_noise
 from pushfit.fit.programs.folder import keep_programs
 from pushfit.fit.results import FitStatus, PosteriorResult, ResultWarning
 from pushfit.fit.sweep.posterior import sweep_posterior
@@ -105,30 +102,6 @@ def believe(
     wrong = [WRONG[one.code] for one in warnings if one.code in WRONG]
     told = _told_by_draws(drawn, wrong, n_told=table.n_pushes, seed=seed)
     return replace(belief, warnings=(*warnings, *told))
-
-
-def unlike_others(told: Sequence[ToldPush], question: Question) -> tuple[LeftOut, ...]:
-    """Pushes that the others do not predict, whatever the mechanics.
-
-    Args:
-        told: Pushes of full length, none of them flagged; the rows of what is found.
-    """
-    table = table_of(told, question)
-    if table is None:
-        return ()
-    settings, _ = prepared(table, question.settings)
-    found: tuple[LeftOut, ...] = ()
-    for one in settings.by_mechanics():
-        alpha = reference_azimuth(table, one)
-        setup = settle_noise(build_problem(table, one), alpha)
-        try:
-            whole = fit_least_squares(setup, reference_alpha=alpha)
-        except FitError:
-            return ()
-        found = unpredicted(setup, whole, reference_alpha=alpha)
-        if not found:
-            break
-    return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,10 +8,11 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy
+from jaxtyping import Float
 
 from pushfit.data.text.faults import listed
 from pushfit.explore.belief.belief import Belief, Question
-from pushfit.explore.belief.from_fit import unlike_others
+from pushfit.explore.belief.best_fits import least_residuals, unlike_others
 from pushfit.explore.belief.predict import predict
 from pushfit.explore.belief.tables import noise_is_known, sd_of, table_of
 from pushfit.explore.records import ToldPush, direction_words
@@ -44,27 +45,27 @@ def misfit(told: Sequence[ToldPush], belief: Belief, question: Question) -> str 
     """What no draw explains, and what to do, as a clause; None where one does.
 
     Chi-square of the draw that is nearest to all heights, as if nothing had been fitted
-    to them. Noise that is learned explains everything, so each push is held against
-    the scatter of the others then; heavy tails explain everything, too.
+    to them; of the nearest fit where there are no draws of them. Noise that is learned
+    explains everything, so each push is held against the scatter of the others then;
+    heavy tails explain everything, too.
     """
     own = [(number, row) for number, row in enumerate(told, start=1) if row.counts]
-    if not own or belief.is_guess or belief.likelihood != "normal":
+    is_known = noise_is_known(told, question)
+    if not own or belief.likelihood != "normal" or (belief.is_guess and not is_known):
         return None
-    if not noise_is_known(told, question):
+    if not is_known:
         return _unlike_others(own, question)
-    residuals = []
-    for _, row in own:
-        found = predict(belief, np.array([row.theta]), np.array([row.alpha]))
-        heights = np.array([row.heights[channel] for channel in question.channels])
-        noise = belief.noise(sd_of(row, question))
-        residuals.append((heights[:, None] - found.heights[0]) / noise)
-    r = np.abs(np.stack(residuals))
-    chi_square = np.where(belief.weights > 0, np.sum(r**2, axis=(0, 1)), np.inf)
-    best = int(np.argmin(chi_square))
-    n_heights = r.shape[0] * r.shape[1]
-    if scipy.special.chdtrc(n_heights, chi_square[best]) > LEVEL:
+    rows = [row for _, row in own]
+    if belief.is_guess:
+        nearest = least_residuals(rows, question)
+    else:
+        nearest = _of_nearest_draw(rows, belief, question)
+    if (
+        nearest is None
+        or scipy.special.chdtrc(nearest.size, np.sum(nearest**2)) > LEVEL
+    ):
         return None
-    size = np.max(r[:, :, best], axis=1)
+    size = np.max(np.abs(nearest), axis=0)
     number, row = own[int(np.argmax(size))]
     return (
         f"no grasp gives all of these heights: push {number} "
@@ -72,6 +73,21 @@ def misfit(told: Sequence[ToldPush], belief: Belief, question: Question) -> str 
         "standard deviations; look at it, and begin again with the other pushes, or "
         "with a larger sigma if heights scatter more"
     )
+
+
+def _of_nearest_draw(
+    rows: Sequence[ToldPush], belief: Belief, question: Question
+) -> Float[np.ndarray, "c n"]:
+    """How far the draw that is nearest to all heights is from each [sd]."""
+    residuals = []
+    for row in rows:
+        found = predict(belief, np.array([row.theta]), np.array([row.alpha]))
+        heights = np.array([row.heights[channel] for channel in question.channels])
+        noise = belief.noise(sd_of(row, question))
+        residuals.append((heights[:, None] - found.heights[0]) / noise)
+    r = np.stack(residuals, axis=1)
+    chi_square = np.where(belief.weights > 0, np.sum(r**2, axis=(0, 1)), np.inf)
+    return r[:, :, int(np.argmin(chi_square))]
 
 
 def rejected(belief: Belief) -> str | None:
