@@ -83,8 +83,8 @@ def identify(
     Raises:
         ConfigError: A file is missing, or settings or schedules do not fit.
         DataError: The input breaks a rule, or no push is left.
-        FitError: No start gives finite residuals or a finite density, the solver
-            stopped at its step limit, or nothing is free.
+        FitError: No start gives finite residuals or a finite density, or the solver
+            stopped at its step limit.
         ConvergenceError: The posterior density is infinite at some point, or `throw` is
             set and the status is not OK; then it carries the optima of the likelihood.
     """

@@ -172,8 +172,8 @@ def compare_models(
         DataError: If no usable push is left, or the table cannot be right.
         ConfigError: If the configuration does not fit the table, or the seed is below
             0.
-        FitError: If no start gives finite residuals or a finite density, the solver
-            stopped at its step limit, or nothing is free.
+        FitError: If no start gives finite residuals or a finite density, or the solver
+            stopped at its step limit.
         ConvergenceError: If the posterior density is infinite at some point.
     """
     check_seed(seed)

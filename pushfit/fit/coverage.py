@@ -16,7 +16,7 @@ from scipy import stats
 
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.errors import ConfigError, DataError, FitError, check_seed
+from pushfit.errors import DataError, FitError, check_seed
 from pushfit.fit.identify.fit_table import fit_table
 from pushfit.fit.identify.fitted import Fitted, reach_of
 from pushfit.fit.identify.identify_table import identify_table
@@ -135,13 +135,6 @@ def coverage_study(
     """
     check_seed(seed)
     fitted = fit_table(table, config)
-    problem = fitted.setup.problem
-    if not problem.names:
-        raise ConfigError(
-            "every parameter is fixed, so there is no interval to test; "
-            "leave one free in [parameters]",
-            code="nothing_free",
-        )
     simulation = simulate_tables(fitted, n_tables, np.random.default_rng(seed))
     found = []
     for index, simulated in enumerate(simulation.tables):

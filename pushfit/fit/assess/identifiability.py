@@ -19,7 +19,7 @@ from pushfit.fit.profiles.least_squares import RANK_TOLERANCE
 from pushfit.fit.programs.compile import compiled
 from pushfit.fit.results import Combination, IdentifiabilityResult
 from pushfit.model import Parameters, as_float, contact
-from pushfit.parameters import OF_GRASP, POSITIVE, SIGNED, TINY
+from pushfit.parameters import OF_GRASP, POSITIVE, SIGNED
 
 # A direction counts as fixed by the data when they remove this share of its prior
 # variance: the error bar is then less than half of the prior's.
@@ -61,7 +61,7 @@ def identifiability(
                 is_determined=bool(removed > MIN_CONTRACTION),
             )
         )
-    floor = RANK_TOLERANCE * max(singular_values.max(initial=0.0), TINY)
+    floor = RANK_TOLERANCE * singular_values.max()
     return IdentifiabilityResult(
         combinations=tuple(combinations),
         rank=int(np.sum(singular_values > floor)),

@@ -28,6 +28,7 @@ from pushfit.fit.profiles.least_squares import (
     RANK_TOLERANCE,
     fit_least_squares,
     polish,
+    search_of,
     settle_noise,
 )
 from pushfit.fit.results import FitResult
@@ -167,12 +168,12 @@ def _without(
     rest_setup = replace(setup, problem=rest, noise=noise, search=None)
     alone = settle_noise(rest_setup, reference_alpha)
     fit = fit_least_squares(alone, reference_alpha=reference_alpha)
-    if alone.search is None or fit.degrees_of_freedom < MIN_FREEDOM:
+    if fit.degrees_of_freedom < MIN_FREEDOM:
         return None
     own = np.flatnonzero(mask[:, column])
     sigma = np.array(alone.problem.reference_sigma)
     sigma[own, column] = [np.median(sigma[c, others[c]]) for c in own]
-    starts = alone.search.valleys.copy()
+    starts = search_of(alone, reference_alpha).valleys.copy()
     starts[-1] = whole.estimate
     weighed = replace(problem, reference_sigma=as_float(sigma))
     with_it, without = (
@@ -181,7 +182,7 @@ def _without(
     )
     gain = (with_it - without) / own.size
     ratio = gain * fit.degrees_of_freedom / max(without, TINY)
-    chance = scipy.special.fdtrc(own.size, fit.degrees_of_freedom, max(ratio, 0.0))
+    chance = scipy.special.fdtrc(own.size, fit.degrees_of_freedom, ratio)
     found = predict_points(problem, fit.estimate[None], problem.angles)
     predicted = found.heights[0, own, column]
     observed = np.asarray(problem.observed)

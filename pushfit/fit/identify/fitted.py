@@ -35,7 +35,7 @@ from pushfit.fit.problem.setup import Setup, build_problem
 from pushfit.fit.profiles.angle_errors import angle_slopes
 from pushfit.fit.profiles.least_squares import (
     fit_least_squares,
-    searched,
+    search_of,
     settle_noise,
 )
 from pushfit.fit.results import (
@@ -125,7 +125,8 @@ def fit_as_stated(
                 "noise", sigma="given" if stated == "pooled" else stated
             )
     reference_alpha = reference_azimuth(table, config)
-    setup = searched(build_problem(table, config), reference_alpha)
+    setup = build_problem(table, config)
+    setup = replace(setup, search=search_of(setup, reference_alpha))
     if searching is not None:
         searching(setup)
     setup, fit = _fit(setup, reference_alpha)
@@ -210,7 +211,7 @@ def draw_posterior(
 
     Raises:
         ConfigError: If the engine is not known.
-        FitError: If nothing is free, or no start has a finite density.
+        FitError: If no start has a finite density.
         ConvergenceError: If the posterior density is infinite at some point.
     """
     check_engine(engine)

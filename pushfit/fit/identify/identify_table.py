@@ -82,8 +82,8 @@ def identify_table(
     Raises:
         DataError: If no usable push is left.
         ConfigError: If the configuration does not fit the table or the engine.
-        FitError: If no start gives finite residuals or a finite density, the solver
-            stopped at its step limit, or nothing is free.
+        FitError: If no start gives finite residuals or a finite density, or the solver
+            stopped at its step limit.
         ConvergenceError: If the posterior density is infinite at some point.
     """
     check_engine(engine)

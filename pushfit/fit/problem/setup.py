@@ -16,7 +16,7 @@ from jaxtyping import Float
 from pushfit.config import GraspConfig
 from pushfit.data.grasp import is_calibrated, make_grasp
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.errors import DataError
+from pushfit.errors import ConfigError, DataError
 from pushfit.fit.problem.constraint_terms import with_constraints
 from pushfit.fit.problem.data_coordinates import data_names
 from pushfit.fit.problem.noise import Noise, choose_noise
@@ -71,7 +71,8 @@ def build_problem(table: PeakTable, config: GraspConfig) -> Setup:
 
     Raises:
         DataError: If no usable row is left, or the rows can show nothing.
-        ConfigError: If the configuration asks for noise or units the table lacks.
+        ConfigError: If the configuration asks for noise or units the table lacks, or
+            leaves nothing to infer.
     """
     used = np.flatnonzero(table.is_used)
     if used.size == 0:
@@ -103,6 +104,12 @@ def build_problem(table: PeakTable, config: GraspConfig) -> Setup:
         priors.setdefault("p", default_prior("p"))
     else:
         priors.pop("p", None)
+    if not priors:
+        raise ConfigError(
+            "every parameter is fixed, so there is nothing to infer; leave one free in "
+            "[parameters], or read off the model with `pushfit simulate`",
+            code="nothing_free",
+        )
     if noise.kind == "sampled":
         for name in table.channels:
             median = SIGMA_SHARE * float(np.max(np.abs(table.heights(name)[used])))

@@ -29,6 +29,7 @@ from pushfit.fit.profiles.weights import (
 )
 from pushfit.fit.programs.compile import compiled
 from pushfit.fit.results import FitResult, FitStatus, Mode
+from pushfit.fit.results.fits_along import FitsAlong
 from pushfit.model import as_float
 
 # Points, sums of squares, and whether the solver arrived, best first.
@@ -84,8 +85,7 @@ def fit_least_squares(
         FitError: If no start has finite residuals, or none arrived, and `throw` is
             set; it carries points and costs.
     """
-    setup = searched(setup, reference_alpha)
-    found = polish(setup.problem, _starts(setup))
+    found = polish(setup.problem, search_of(setup, reference_alpha).valleys)
     return fit_result(setup, found, reference_alpha=reference_alpha, throw=throw)
 
 
@@ -147,18 +147,12 @@ def fit_result(
     )
 
 
-def searched(setup: Setup, reference_alpha: float | None = None) -> Setup:
-    """The setup with best fits along its leading quantity, unless it has them."""
+def search_of(setup: Setup, reference_alpha: float | None = None) -> FitsAlong:
+    """Best fits along the leading quantity of a setup: those that it has, or new."""
     problem, found = setup.problem, setup.search
-    is_own = found is not None and np.array_equal(found.observed, problem.observed)
-    if is_own or not problem.data_names:
-        return setup
-    return replace(setup, search=search_curve(problem, reference_alpha))
-
-
-def _starts(setup: Setup) -> Float[np.ndarray, "k q"]:
-    """The lowest valleys of the search; one point of no coordinates without any."""
-    return np.zeros((1, 0)) if setup.search is None else setup.search.valleys
+    if found is not None and np.array_equal(found.observed, problem.observed):
+        return found
+    return search_curve(problem, reference_alpha)
 
 
 def polish(
@@ -203,12 +197,12 @@ def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
         Unchanged where sigma was given or pooled and nothing adds to it. A sampled one
         solves Σ r² / (sd² + sigma²) = n - p in every channel at the best fit.
     """
-    setup = searched(setup, reference_alpha)
+    found = search_of(setup, reference_alpha)
     problem = stated = setup.problem
     noise, is_sampled = setup.noise, setup.noise.kind == "sampled"
-    if not problem.data_names or not (is_sampled or noise.follows_fit):
-        return setup
-    points = _starts(setup)
+    if not (is_sampled or noise.follows_fit):
+        return replace(setup, search=found)
+    points = found.valleys
     # Noise and fit meet through relative weights alone, those of what is known
     # beforehand and of heavy tails among them: three rounds settle both, each of which
     # is a restart of the one before.
@@ -223,15 +217,13 @@ def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
         problem = with_known_noise(stated, added)
         if is_sampled:
             problem = with_noise_of(problem, predicted)
-    if setup.search is not None:
-        found = replace(setup.search, valleys=points)
-        if has_weights:
-            # Other weights have other best fits, near the first ones.
-            found = search_curve(problem, reference_alpha, found)
-        setup = replace(setup, search=found)
+    found = replace(found, valleys=points)
+    if has_weights:
+        # Other weights have other best fits, near the first ones.
+        found = search_curve(problem, reference_alpha, found)
     warnings = (*noise.warnings, *uneven_warnings(noise, shares))
     noise = replace(noise, warnings=warnings)
-    return replace(setup, problem=problem, noise=noise)
+    return replace(setup, problem=problem, noise=noise, search=found)
 
 
 @compiled

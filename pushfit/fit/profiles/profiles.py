@@ -20,7 +20,7 @@ from pushfit.fit.profiles.conditional_likelihood import imposable
 from pushfit.fit.profiles.curve import LEVEL, N_FIRST, first_values, fits_along
 from pushfit.fit.profiles.curve_search import Fits
 from pushfit.fit.profiles.derived_profiles import implied_profiles
-from pushfit.fit.profiles.least_squares import costs_at, searched
+from pushfit.fit.profiles.least_squares import costs_at, search_of
 from pushfit.fit.profiles.profile_sets import (
     NARROWEST,
     pieces_below,
@@ -109,10 +109,7 @@ def _curves(
     wanted: Sequence[str] | None,
 ) -> dict[str, Curve]:
     """Profiles of all quantities, through the modes of the fit."""
-    setup = searched(setup, reference_alpha)
-    problem, search = setup.problem, setup.search
-    if search is None:
-        return {}
+    problem, search = setup.problem, search_of(setup, reference_alpha)
     modes = np.array([list(mode.coordinates.values()) for mode in fit.modes])
     pool = np.concatenate([search.curve.points, modes[:1]])
     costs = np.array([mode.chi_square for mode in fit.modes])

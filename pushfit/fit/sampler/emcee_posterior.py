@@ -18,7 +18,6 @@ import numpy as np
 from emcee.moves import Move
 from jaxtyping import Array, Float
 
-from pushfit.errors import FitError
 from pushfit.fit.problem.derived import samples_mapping
 from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.problem.problem import Problem
@@ -105,17 +104,11 @@ def sample_posterior(
         where the budget was spent in vain.
 
     Raises:
-        FitError: If nothing is free, or no start has a finite density.
+        FitError: If no start has a finite density.
         ConvergenceError: If the density is infinite at some point.
     """
     budget = budget or Budget()
     problem = setup.problem
-    if not problem.names:
-        raise FitError(
-            "every parameter is fixed, so there is nothing to sample; free one in "
-            "grasp.toml or read off the model with `pushfit simulate`",
-            code="nothing_free",
-        )
     report = progress or (lambda stage, share: None)
     densities = Densities(problem)
     question = fingerprint(problem, seed, budget.n_ensembles, budget.n_walkers)

@@ -15,7 +15,6 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
-from pushfit.errors import FitError
 from pushfit.fit.problem.derived import samples_mapping
 from pushfit.fit.problem.setup import Setup
 from pushfit.fit.programs.compile import compiled, in_chunks
@@ -122,17 +121,8 @@ def sweep_posterior(
     Returns:
         Posterior with engine "sweep"; its status is NOT_CONVERGED where too few draws
         count or the weights have too heavy a tail.
-
-    Raises:
-        FitError: If nothing is free.
     """
     problem = setup.problem
-    if not problem.names:
-        raise FitError(
-            "every parameter is fixed, so there is nothing to infer; free one in "
-            "grasp.toml or read off the model with `pushfit simulate`",
-            code="nothing_free",
-        )
     rng = np.random.default_rng(seed)
     target = make_target(problem, reference_alpha)
     weighted = weighted_draws(target, seed=seed)

@@ -89,6 +89,12 @@ class _Question:
             _rounded(reference_alpha),
         )
 
+    @property
+    def shifts(self) -> dict[str, float]:
+        """What the log of a coordinate differs by in the units of the problem."""
+        scale = self.ln_stiffness
+        return {"ln_A": scale, "ln_B": scale, "ln_F_0": self.ln_force}
+
     def in_own_units(self) -> Problem:
         """The problem by priors in these units, without any of sampled noise."""
         priors = {
@@ -109,15 +115,13 @@ def make_target(problem: Problem, reference_alpha: float) -> Target:
     """A problem made ready for the sweep."""
     roles = roles_of(problem)
     question = _Question(problem, reference_alpha)
-    shape, scale = _shape(question), question.ln_stiffness
-    shifts = {"ln_A": scale, "ln_B": scale, "ln_F_0": question.ln_force}
+    shape = _shape(question)
     coordinates = ("outer", roles.inner, *roles.others)
-    shift = np.array([shifts.get(str(name), 0.0) for name in coordinates])
-    # All three tables are given a stiffness.
-    wholes = {"ln_r": scale, "ln_s": scale, "ln_L": scale}
+    shift = np.array([question.shifts.get(str(name), 0.0) for name in coordinates])
     tables = {
         name: QuantileTable(
-            as_float(start + wholes[name]),
+            # All of them are given a stiffness.
+            as_float(start + question.ln_stiffness),
             as_float(step),
             values,
             float(SCORES[0]),
@@ -142,14 +146,8 @@ def prior_points(
 ) -> Float[np.ndarray, "n p"]:
     """Draws from the prior, in sampling coordinates."""
     question = _Question(problem, reference_alpha)
-    draws, scale = dict(_shape(question).draws), question.ln_stiffness
-    for name, shift in (
-        ("ln_A", scale),
-        ("ln_B", scale),
-        ("ln_F_0", question.ln_force),
-    ):
-        if name in draws:
-            draws[name] = draws[name] + shift
+    shifts, draws = question.shifts, _shape(question).draws
+    draws = {name: values + shifts.get(name, 0.0) for name, values in draws.items()}
     for name, prior in problem.priors.items():
         if name.startswith("sigma_"):
             draws[f"ln_{name}"] = prior.sample(rng, N_DRAWS)
@@ -189,7 +187,7 @@ def _marginals(question: _Question) -> Mapping[str, TabulatedDensity]:
 def _made(question: _Question) -> PriorShape:
     problem = question.in_own_units()
     roles, names, rng = roles_of(problem), problem.names, np.random.default_rng(0)
-    x = prior_x_samples(problem, rng, N_DRAWS) if names else np.zeros((N_DRAWS, 0))
+    x = prior_x_samples(problem, rng, N_DRAWS)
     draws = {name: x[:, i] for i, name in enumerate(names)}
     columns = [rng.standard_normal(N_DRAWS), rng.standard_normal(N_DRAWS)]
     if roles.pivot is not None:

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from pushfit.errors import ConfigError
 from pushfit.fit.problem.problem import STUDENT_DOF
 from pushfit.fit.problem.setup import build_problem, n_azimuths
+from tests.fit.tables import FIXED as KNOWN
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
 from tests.tolerances import DIFFERENCE, EXACT, ROUTES
@@ -188,3 +190,16 @@ def test_padding_cannot_poison_a_gradient(likelihood):
 )
 def test_azimuths_are_counted_as_axes(alpha_deg, n):
     assert n_azimuths(np.radians(np.asarray(alpha_deg, dtype=float))) == n
+
+
+@pytest.mark.parametrize("noise", ["", 'sigma = "sampled"'])
+def test_a_question_of_which_all_is_known_is_refused(noise):
+    """Noise alone is nothing to infer; an unknown preload is."""
+    known = "".join(f"[parameters.{n}]\nfixed = {v}\n" for n, v in KNOWN.items())
+    known = f"[noise]\n{noise}\n{known}[parameters.C_rr]\nfixed = 0.24\n"
+    table = case_table(CASES["paper"], noise=0.02)
+    with pytest.raises(ConfigError, match="nothing to infer") as error:
+        build_problem(table, config(known))
+    assert error.value.code == "nothing_free"
+    setup = build_problem(table, config(f'[grasp]\npreload_n = "estimate"\n{known}'))
+    assert setup.problem.data_names == ("ln_F_0",)

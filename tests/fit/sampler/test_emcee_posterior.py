@@ -6,7 +6,6 @@ import math
 import numpy as np
 import pytest
 
-from pushfit.errors import FitError
 from pushfit.fit.profiles.least_squares import fit_least_squares
 from pushfit.fit.results import FitStatus
 from pushfit.fit.sampler import emcee_posterior as posterior
@@ -185,20 +184,6 @@ def test_thinned_chain_has_ensembles_first(setup, short):
     n_ensembles, _, n_walkers, n_dim = result.chain.shape
     assert (n_ensembles, n_walkers) == (SHORT.n_ensembles, SHORT.n_walkers)
     assert n_dim == len(result.chain_names) == len(setup.problem.names)
-
-
-def test_nothing_free_is_refused(setup):
-    fit = fit_least_squares(setup, reference_alpha=0.0)
-    problem = dataclasses.replace(setup.problem, names=())
-    with pytest.raises(FitError, match="nothing to sample") as error:
-        sample_posterior(
-            dataclasses.replace(setup, problem=problem),
-            fit,
-            seed=0,
-            reference_alpha=0.0,
-            reach=REACH,
-        )
-    assert error.value.code == "nothing_free"
 
 
 @pytest.mark.slow
