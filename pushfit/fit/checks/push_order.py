@@ -35,8 +35,7 @@ def drift_in_repeats(table: PeakTable) -> Iterator[ResultWarning]:
     order = table.frame["push"].to_numpy(dtype=float)[rows]
     within, n_directions = _about_means(order, table.groups[rows])
     degrees_of_freedom = rows.size - n_directions - 1
-    is_in_a_row = 0 < np.sum(within**2) < IN_A_ROW * np.var(order) * rows.size
-    if degrees_of_freedom < 1 or not is_in_a_row:
+    if np.sum(within**2) >= IN_A_ROW * np.var(order) * rows.size:
         return
     for channel in table.channels:
         heights = table.heights(channel)[rows]
@@ -86,7 +85,7 @@ def slope_through_zero(
         The chance if there is none, and the slope; 1 and 0 where it is not seen.
     """
     spread = float(along @ along)
-    if spread == 0:
+    if spread == 0 or degrees_of_freedom < 1:
         return 1.0, 0.0
     slope = float(along @ off) / spread
     scatter = float(np.sum((off - slope * along) ** 2)) / degrees_of_freedom

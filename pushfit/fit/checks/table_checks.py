@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from pushfit.config import GraspConfig
-from pushfit.config.schema import Estimate, GraspSection, PushSection
+from pushfit.config.schema import GraspSection, PushSection
 from pushfit.data.grasp import is_calibrated
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import counted
@@ -50,8 +50,10 @@ EDGE = 4.0
 def table_warnings(table: PeakTable, config: GraspConfig) -> Iterator[ResultWarning]:
     """What the table and the configuration already say."""
     yield from settings_warnings(config, table.unit)
-    yield from _counted_twice(table, config.preload_in(table.unit))
-    may_tip = _may_tip(table, config)
+    preload = config.preload_in(table.unit)
+    if preload != "estimate":
+        yield from _counted_twice(table, preload)
+    may_tip = preload != "estimate" and _may_tip(table, preload)
     for warning in faults_of(table):
         if not (may_tip and warning.code == "inverted_heights"):
             yield warning
@@ -64,21 +66,16 @@ def table_warnings(table: PeakTable, config: GraspConfig) -> Iterator[ResultWarn
         )
 
 
-def _may_tip(table: PeakTable, config: GraspConfig) -> bool:
+def _may_tip(table: PeakTable, preload: float) -> bool:
     """Whether heights may be negative, as of an object that tips over.
 
     Then a push takes some of the preload away, but no more than there is.
     """
-    preload, unit = config.grasp.preload
-    if unit != table.unit or preload == "estimate":
-        return False
     heights = [table.heights(c)[table.is_used] for c in table.channels]
     return bool(np.all(np.stack(heights) > -preload))
 
 
-def _counted_twice(
-    table: PeakTable, preload: float | Estimate
-) -> Iterator[ResultWarning]:
+def _counted_twice(table: PeakTable, preload: float) -> Iterator[ResultWarning]:
     """Whether the magnitude was computed from the components beside it.
 
         height = sqrt((height_normal + F_0)² + height_tangential²) - F_0
@@ -87,7 +84,7 @@ def _counted_twice(
     """
     components = ("height_normal", "height_tangential")
     rows = table.is_used
-    if {"height", *components} - set(table.channels) or preload == "estimate":
+    if {"height", *components} - set(table.channels):
         return
     height, normal, tangential = (
         table.heights(name)[rows] for name in ("height", *components)
@@ -230,9 +227,7 @@ def _inverted(table: PeakTable) -> Iterator[ResultWarning]:
     Least squares of heights on sin θ alone: noise, or a few negative heights beside
     others, give no such slope.
     """
-    rows = np.flatnonzero(table.is_used & (np.degrees(table.theta) > EDGE))
-    if rows.size < FEW_HEIGHTS:
-        return
+    rows = np.flatnonzero(table.is_used & (table.theta > 0))
     along = np.sin(table.theta[rows])
     for channel in sorted({"height", "height_normal"} & set(table.channels)):
         heights = table.heights(channel)[rows]

@@ -1,5 +1,7 @@
 """What the order of the pushes makes doubtful."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -51,6 +53,40 @@ def test_a_drift_is_not_said_without_one_or_where_sweeps_are_repeated():
     assert not list(drift_in_repeats(drifting(in_a_row=False)))
     steady = case_table(CASES["firm"], noise=0.02, repeats=3)
     assert not list(drift_in_repeats(steady))
+    nothing = drifting(in_a_row=True).frame.assign(height_n=0.0)
+    assert not list(drift_in_repeats(PeakTable.from_frame(nothing)))
+
+
+def test_noise_of_repeats_drifts_in_one_table_of_a_hundred_at_most():
+    """More than 8 of 200 tables would be so once in 2000 times, 2 are expected."""
+    table = drifting(in_a_row=True)
+    rng, found = np.random.default_rng(0), 0
+    for _ in range(200):
+        # Its rows were checked with the first.
+        frame = table.frame.assign(height_n=2 + rng.standard_normal(table.n_pushes))
+        found += bool(list(drift_in_repeats(replace(table, frame=frame))))
+    assert found <= 8
+
+
+@pytest.mark.parametrize(
+    ("theta_deg", "is_ordered"),
+    [
+        ([10, 25, 40, 55, 70], True),
+        ([10, 25, 40, 55], False),
+        ([10, 40, 25, 70, 55], False),
+    ],
+)
+def test_few_elevations_or_those_that_change_places_are_in_no_order(
+    theta_deg, is_ordered
+):
+    """Of the last Spearman's correlation is 0.8."""
+    table = PeakTable.from_arrays(
+        theta=np.radians(theta_deg),
+        alpha=np.full(len(theta_deg), 0.5),
+        heights={"height": np.linspace(1.0, 2.0, len(theta_deg))},
+        unit="n",
+    )
+    assert follows_elevation(table) is is_ordered
 
 
 @pytest.mark.parametrize(
