@@ -48,7 +48,6 @@ def identifiability(
     middle = np.array([median(_scaled(n, samples[n])) for n in names])
     jacobian = _log_jacobian(problem, middle, names)
     _, singular_values, directions = np.linalg.svd(jacobian, full_matrices=True)
-    singular_values = np.pad(singular_values, (0, len(names) - singular_values.size))
     spread = np.array([np.var(_scaled(n, prior_samples[n])) for n in names])
     combinations = []
     for value, direction in zip(singular_values, directions, strict=True):

@@ -285,7 +285,7 @@ def _scatter_follows(
     """
     squares, centred = free**2, size - np.mean(size)
     spread = float(centred @ centred)
-    if spread <= ROUNDING * float(size @ size) or np.ptp(squares) == 0:
+    if spread <= ROUNDING * float(size @ size):
         return np.nan, 0.0
     slope = float(centred @ squares) / spread
     deviation = squares - np.mean(squares)

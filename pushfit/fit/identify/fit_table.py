@@ -73,7 +73,7 @@ def fit_table(
 def _with_uneven_if_shown(
     table: PeakTable,
     config: GraspConfig,
-    searching: Callable[[Setup], None] | None = None,
+    searching: Callable[[Setup], None] | None,
 ) -> Fitted:
     """The fit by angles that err, or by noise in proportion, where either is shown.
 

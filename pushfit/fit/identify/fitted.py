@@ -145,13 +145,15 @@ def fit_as_stated(
     if config.noise.angle_errors == "shared" and sigma == "given":
         # The table given may not state what its averages do.
         sigma = stated
+    contradiction = contradiction_warning(setup, fit)
+    told = *setup.noise.warnings, *filter(None, [contradiction])
     return Fitted(
         table=table,
         config=config.with_keys("noise", sigma=sigma),
         setup=setup,
         fit=fit,
         reference_alpha=reference_alpha,
-        warnings=(*warnings, *fit_warnings(setup, fit)),
+        warnings=(*warnings, *told),
     )
 
 
@@ -164,12 +166,6 @@ def prepared(
         # Unequal pushes scatter by more than any sensor noise.
         config = config.with_keys("noise", sigma="sampled")
     return config, warnings
-
-
-def fit_warnings(setup: Setup, fit: FitResult) -> tuple[ResultWarning, ...]:
-    """What noise and fit say."""
-    contradiction = contradiction_warning(setup, fit)
-    return (*setup.noise.warnings, *((contradiction,) if contradiction else ()))
 
 
 def _fit(setup: Setup, reference_alpha: float) -> tuple[Setup, FitResult]:

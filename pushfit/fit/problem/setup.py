@@ -135,10 +135,9 @@ def build_problem(table: PeakTable, config: GraspConfig) -> Setup:
 
 def n_azimuths(alpha: Float[np.ndarray, " n"]) -> int:
     """Number of distinct azimuths modulo 180°, the period of the stiffness ellipse."""
-    doubled = np.unique(np.round(np.mod(alpha, np.pi) / SAME_AZIMUTH))
+    steps = np.round(np.mod(alpha, np.pi) / SAME_AZIMUTH)
     # The seam: 0° and 180° are the same axis.
-    n_steps = np.round(np.pi / SAME_AZIMUTH)
-    return int(np.unique(np.mod(doubled, n_steps)).size)
+    return int(np.unique(np.mod(steps, np.round(np.pi / SAME_AZIMUTH))).size)
 
 
 def sampling_names(

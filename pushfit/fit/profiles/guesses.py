@@ -31,7 +31,10 @@ def guesses(problem: Problem) -> Float[np.ndarray, "k q"]:
     if "ln_A" not in names:
         group = contact(problem.data_state(jnp.zeros(len(names))).params)
         ln_A = float(jnp.log(group.A))
-    ln_L = _middle_log(problem, "L") if "ln_L" in names else 0.0
+    ln_L = 0.0
+    if "ln_L" in names:
+        draws = problem.priors["L"].sample(np.random.default_rng(0), 999)
+        ln_L = float(np.median(draws))
     tried = itertools.product(
         RATIOS if {"ln_B", "ln_C_rr"} & set(names) else RATIOS[:1],
         SHAPES if "f1" in names else SHAPES[:1],
@@ -53,10 +56,3 @@ def guesses(problem: Problem) -> Float[np.ndarray, "k q"]:
         }
         points.append([values[name] for name in names])
     return held_values(problem, np.array(points))
-
-
-def _middle_log(problem: Problem, name: str) -> float:
-    """Log of the fixed value, or of a middling value of the prior."""
-    if name in problem.fixed:
-        return float(np.log(problem.fixed[name]))
-    return float(np.median(problem.priors[name].sample(np.random.default_rng(0), 999)))

@@ -273,8 +273,6 @@ def _minima(nodes: Expansion) -> Int[Array, " k"]:
 
 def schur(matrix: Float[Array, "q q"]) -> Scalar:
     """Information on the first coordinate with the others free."""
-    if matrix.shape[0] == 1:
-        return matrix[0, 0]
     half = half_solve(cholesky(matrix[1:, 1:]), matrix[1:, 0])
     return jnp.maximum(matrix[0, 0] - jnp.sum(half**2), LEAST_LEFT * matrix[0, 0])
 

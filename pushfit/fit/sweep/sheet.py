@@ -203,8 +203,6 @@ def _moved(target: Target, node: Expansion, value: Scalar) -> Float[Array, " q"]
     """The mode at another value of the inner coordinate, by the ridge of a node."""
     n_held, q = target.roles.n_held, target.mean.size
     y = node.y.at[1].set(value)
-    if n_held == q:
-        return y
     information = node.hessian + target.precision
     order = np.array([1, *range(n_held, q)])
     slope = ridge_slope(information[order][:, order])
