@@ -64,6 +64,13 @@ def test_the_push_that_is_off_is_named_with_what_the_others_give(wrong, factor):
     assert found.p_value < LEVEL
 
 
+def test_where_noise_is_stated_a_push_that_is_off_by_more_is_far_from_the_fit():
+    """Which says it; what the others scatter by is known without them."""
+    table = pushes(10, wrong=3)
+    stated = table.frame.assign(height_sd_n=NOISE * np.max(table.heights("height")))
+    assert judged(PeakTable.from_frame(stated)) == ()
+
+
 def spoiled(table: PeakTable, *, column: str, row: int, factor: float) -> PeakTable:
     heights = table.frame[column].to_numpy(copy=True)
     heights[row] *= factor

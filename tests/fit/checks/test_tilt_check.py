@@ -42,6 +42,16 @@ def test_a_tilt_matters_where_it_moves_the_angle_by_a_quarter_of_its_interval(
     assert does_tilt_matter(linear, tilting, prob=0.9) is matters
 
 
+def test_a_contact_that_never_rolls_is_next_to_one_that_rolls_at_the_normal():
+    some = make_posterior(with_alpha=False)
+    late = np.linspace(82.0, 90.0, some.log_prob.size)
+    linear, tilting = (
+        replace(some, samples={"theta_c": draws})
+        for draws in (late, np.where(late > 88.0, np.nan, late))
+    )
+    assert not does_tilt_matter(linear, tilting, prob=0.9)
+
+
 @pytest.mark.parametrize(
     ("log_evidence", "rms_residual", "worse"),
     [
@@ -95,6 +105,8 @@ def test_tilting_mechanics_that_lead_against_the_heights_are_told_of(against, od
     assert (warning is None) is (odds is None)
     if warning is not None:
         assert f"{odds} likelier by linear mechanics" in warning.text
+    unknown = replace(linear, log_evidence=None)
+    assert tilt_warning(settings(MEASURED), (tilting, unknown), 9.0) is None
 
 
 @pytest.mark.parametrize(

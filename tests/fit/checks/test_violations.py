@@ -10,14 +10,19 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.checks.violations import (
     LEVEL,
     Violation,
+    _heavy_tailed,
+    _soft,
     _steep,
     _tall,
     violation_warnings,
     violations,
 )
 from pushfit.fit.identify.fit_table import fit_table
+from pushfit.fit.identify.fitted import Fitted
+from pushfit.fit.problem.priors.distributions import default_prior
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
+from tests.tolerances import EXACT
 
 NOISE = 0.01
 N_TABLES = 12
@@ -101,22 +106,92 @@ def test_nothing_is_named_where_nothing_is_violated():
     assert sum(v.p_value < LEVEL for v in alternatives) <= 1
 
 
+@pytest.fixture(scope="module")
+def shifted() -> Fitted:
+    """Residuals of a constant, repeats in it."""
+    return fit_table(pushes("constant", 0), config(CONSTANT))
+
+
+def told(one: Fitted, **changed) -> set[str]:
+    """Codes of what is tested, with other parts of the problem, noise or fit."""
+    parts = {"problem": one.setup.problem, "noise": one.setup.noise, "fit": one.fit}
+    parts = {n: replace(part, **changed.get(n, {})) for n, part in parts.items()}
+    fit = parts.pop("fit")
+    found = violations(one.table, replace(one.setup, **parts), fit, one.slopes)
+    return {violation.code for violation in found}
+
+
+@pytest.mark.parametrize("what", ["tails", "a twentieth of the noise", "two to spare"])
+def test_residuals_of_no_normal_noise_or_of_hardly_any_are_not_asked(shifted, what):
+    fit = shifted.fit
+    changed = {
+        "tails": {"problem": {"likelihood": "student_t"}},
+        "a twentieth of the noise": {
+            "fit": {"sigma": 20 * fit.sigma, "chi_square": fit.chi_square / 400}
+        },
+        "two to spare": {"fit": {"n_free": fit.n_data - 2}},
+    }
+    assert "looks_like_a_constant" in told(shifted)
+    assert told(shifted, **changed[what]) == set()
+
+
+def test_what_is_part_of_the_model_is_no_violation_of_it(shifted):
+    """A soft transition, known or unknown, and what heights of a repeat share."""
+    problem = shifted.setup.problem
+    everything = told(shifted)
+    assert {"looks_soft", "looks_like_offsets"} < everything
+    soft = {"grasp": replace(problem.grasp, sharpness=4.0)}
+    is_open = {"priors": {**problem.priors, "p": default_prior("p")}}
+    for change in (soft, is_open):
+        assert everything - told(shifted, problem=change) == {"looks_soft"}
+    shared = {"shared": {"height": np.zeros((1, shifted.table.n_pushes))}}
+    left = told(shifted, noise=shared)
+    assert everything - left == {"looks_like_offsets", "looks_like_a_constant"}
+
+
+def test_noise_of_several_sizes_is_not_called_heavy_tailed_too():
+    one = fit_table(pushes("proportional", 0), config(CONSTANT))
+    first, *others = violations(one.table, one.setup, one.fit, one.slopes)
+    assert first.code == "looks_proportional"
+    assert first.p_value < LEVEL
+    assert "looks_heavy_tailed" not in {violation.code for violation in others}
+
+
+def test_a_transition_is_soft_by_residuals_of_one_sign_alone():
+    """And nothing shows what the model does by itself, or one residual beside it."""
+    rng = np.random.default_rng(0)
+    basis, _ = np.linalg.qr(rng.standard_normal((30, 3)))
+    change, noise = rng.standard_normal((2, 30))
+    free = noise - basis @ (basis.T @ noise)
+    chances = [_soft(sign * free, basis, change).p_value for sign in (1.0, -1.0)]
+    np.testing.assert_allclose(sum(chances), 1.0, rtol=EXACT)
+    assert np.isnan(_soft(free, basis, basis @ np.ones(3)).p_value)
+    few = slice(4)
+    assert np.isnan(_soft(free[few], basis[few], change[few]).p_value)
+
+
+def test_fewer_than_twenty_residuals_show_no_tails():
+    free = np.random.default_rng(0).standard_t(2.0, 20)
+    assert _heavy_tailed(free) is not None
+    assert _heavy_tailed(free[:19]) is None
+
+
 @pytest.mark.parametrize(("error_deg", "is_named"), [(5.0, True), (15.0, False)])
 def test_no_joint_errs_by_as_much_as_a_wrong_model_may_ask_for(error_deg, is_named):
     """Scatter in proportion to slopes, beside one of unit variance."""
     rng = np.random.default_rng(0)
     slope = np.linspace(0.0, 100.0, 200)
     free = np.radians(error_deg) * slope * rng.standard_normal(200)
-    told = _steep(free + rng.standard_normal(200), slope)
-    assert (told is not None and told.p_value < LEVEL) == is_named
+    steep = _steep(free + rng.standard_normal(200), slope)
+    assert (steep is not None and steep.p_value < LEVEL) == is_named
 
 
 def test_errors_of_ten_degrees_are_said_without_an_exponent():
     rng = np.random.default_rng(0)
     slope = np.linspace(0.0, 100.0, 200)
-    told = _steep(np.radians(10.0) * slope * rng.standard_normal(200), slope)
-    assert told is not None
-    assert "by about 10°" in told.text
+    steep = _steep(np.radians(10.0) * slope * rng.standard_normal(200), slope)
+    assert steep is not None
+    assert "by about 10°" in steep.text
 
 
 def test_rounding_speaks_against_nothing():
@@ -141,15 +216,15 @@ def test_a_rejected_model_asks_less_of_an_explanation():
 
 @pytest.mark.parametrize("is_counted", [False, True])
 def test_nobody_is_told_to_set_what_is_set(is_counted):
-    told = _tall(np.linspace(0.0, 4.0, 40), np.linspace(0.0, 4.0, 40), is_counted)
-    assert told is not None
-    assert ("set [noise] height_share" in told.text) is not is_counted
+    tall = _tall(np.linspace(0.0, 4.0, 40), np.linspace(0.0, 4.0, 40), is_counted)
+    assert tall is not None
+    assert ("set [noise] height_share" in tall.text) is not is_counted
     slope = np.linspace(0.0, 100.0, 200)
     rng = np.random.default_rng(0)
     free = np.radians(5.0) * slope * rng.standard_normal(200)
-    told = _steep(free, slope, is_counted)
-    assert told is not None
-    assert ("set [noise] theta_sd_deg" in told.text) is not is_counted
+    steep = _steep(free, slope, is_counted)
+    assert steep is not None
+    assert ("set [noise] theta_sd_deg" in steep.text) is not is_counted
 
 
 COMPONENTS = ("height_normal", "height_tangential")
