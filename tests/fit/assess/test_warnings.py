@@ -5,9 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pushfit.config import parse_config
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.warnings import (
+    against_prior,
     bound_warnings,
+    contact_warnings,
+    contradiction_warning,
+    direction_disagreement,
+    improbable,
     result_warnings,
     untested,
 )
@@ -16,6 +22,7 @@ from pushfit.fit.problem.setup import build_problem
 from pushfit.fit.results import FitStatus, PosteriorResult, Verdict
 from pushfit.fit.sweep import posterior as sweep
 from pushfit.model import Grasp
+from pushfit.parameters import NAMED
 from tests.fit.tables import case_table, config
 from tests.problems import CASES, PUSH
 
@@ -27,10 +34,44 @@ def found():
     return identify_table(table, config(), seed=0, engine="sweep")
 
 
+def drawn(
+    samples: dict[str, np.ndarray],
+    before: dict[str, np.ndarray] | None = None,
+    status: FitStatus = FitStatus.OK,
+) -> PosteriorResult:
+    """Draws, and those of the prior."""
+    return PosteriorResult(
+        samples=samples,
+        prior_samples=before or {},
+        log_prob=np.zeros(1000),
+        chain=None,
+        chain_names=(),
+        thin=1,
+        engine="sweep",
+        diagnostics=None,
+        log_evidence=None,
+        log_evidence_error=None,
+        seed=0,
+        status=status,
+    )
+
+
+LOW, HIGH = -0.9, -0.1
+BESIDE = np.random.default_rng(0).normal(0.0, 0.05, 1000)
+
+
 @pytest.mark.parametrize(
-    ("end", "is_said"), [(-0.9, True), (-0.1, True), (-0.5, False)]
+    ("draws", "is_said"),
+    [
+        (LOW + BESIDE, True),
+        (HIGH + BESIDE, True),
+        (-0.5 + BESIDE, False),
+        # As the prior has them.
+        (np.linspace(LOW, HIGH, 1000), False),
+    ],
+    ids=["low", "high", "inside", "even"],
 )
-def test_a_bound_below_zero_is_a_bound(end, is_said):
+def test_a_bound_below_zero_is_a_bound(draws, is_said):
     """e1 may have any sign."""
     text = "[parameters.e1]\nuniform = { low = -0.9, high = -0.1 }\n"
     alpha_deg = np.tile(np.arange(0.0, 180.0, 30.0), 3)
@@ -41,23 +82,83 @@ def test_a_bound_below_zero_is_a_bound(end, is_said):
         alpha_deg=alpha_deg,
     )
     setup = build_problem(table, config(text))
-    draws = np.random.default_rng(0).normal(end, 0.05, 1000)
-    posterior = PosteriorResult(
-        samples={"e1": np.clip(draws, -0.9, -0.1)},
-        prior_samples={},
-        log_prob=np.zeros(1000),
-        chain=None,
-        chain_names=(),
-        thin=1,
-        engine="sweep",
-        diagnostics=None,
-        log_evidence=None,
-        log_evidence_error=None,
-        seed=0,
-        status=FitStatus.OK,
-    )
+    posterior = drawn({"e1": np.clip(draws, LOW, HIGH)})
     codes = {warning.code for warning in bound_warnings(setup, posterior)}
     assert ("bound_touched" in codes) is is_said
+
+
+EVEN = np.linspace(0.5, 1.5, 1000)
+
+
+@pytest.mark.parametrize("name", ["A", "C_rr"])
+def test_what_priors_hardly_allow_is_free_quoted_and_by_draws_to_be_trusted(name):
+    samples = dict.fromkeys(("A", "B", "C_rr"), EVEN)
+    before, far = samples, samples | {name: 3 * EVEN}
+    known = config()
+    assert improbable(known, drawn(samples, before)) == ()
+    (letter,) = improbable(known, drawn(far, before))
+    assert letter == NAMED[name].prose
+    assert improbable(known, drawn(far, before, FitStatus.NOT_CONVERGED)) == ()
+    fixed = before | {name: np.ones(1000)}
+    assert improbable(known, drawn(far, fixed)) == ()
+    of_unknown_length = improbable(parse_config("", path="g.toml"), drawn(far, before))
+    assert of_unknown_length == ((letter,) if name == "C_rr" else ())
+
+
+@pytest.mark.parametrize(
+    ("p", "status", "is_adequate", "is_said"),
+    [
+        (1.0, FitStatus.OK, True, True),
+        (2.0, FitStatus.OK, True, False),
+        (1.0, FitStatus.OK, False, False),
+        (1.0, FitStatus.NOT_CONVERGED, True, False),
+    ],
+)
+def test_a_transition_is_soft_where_one_in_seven_of_the_prior_is(
+    p, status, is_adequate, is_said
+):
+    """The prior has p evenly from 0 to 10."""
+    known = dict.fromkeys(("A", "B", "C_rr"), EVEN)
+    before = known | {"p": np.linspace(0.0, 10.0, 1000)}
+    posterior = drawn(known | {"p": np.full(1000, p)}, before, status)
+    told = against_prior(config(), posterior, is_adequate=is_adequate)
+    assert ("unusually_soft" in {warning.code for warning in told}) is is_said
+
+
+@pytest.mark.parametrize(
+    ("stated", "lower", "n_sigma", "is_said"),
+    [
+        ("1.0", 0.2, 5.0, True),
+        ("1.0", 0.05, 5.0, False),
+        ("1.0", 0.11, 0.0, False),
+        ('"estimate"', 0.2, 5.0, False),
+    ],
+)
+def test_a_lifted_finger_reads_minus_the_preload_but_for_drift_and_noise(
+    found, stated, lower, n_sigma, is_said
+):
+    """Lower by more than a tenth of the tallest height and five deviations."""
+    table, rows = found.table, (3,)
+    heights = table.heights("height").copy()
+    heights[3] = -1.0 - lower * np.max(heights) - n_sigma * np.max(found.fit.sigma)
+    frame = table.frame.assign(height_n=heights)
+    lifted = PeakTable.from_frame(frame).with_flag(rows, "lost_contact")
+    settings = config(f"[grasp]\npreload_n = {stated}\n")
+    told = {w.code for w in contact_warnings(lifted, settings, rows, found.fit)}
+    assert ("preload_contradicted" in told) is is_said
+    normal = {n: n.replace("ht_", "ht_normal_") for n in ("height_n", "height_sd_n")}
+    other = PeakTable.from_frame(frame.rename(columns=normal))
+    told = [w.code for w in contact_warnings(other, settings, rows, found.fit)]
+    assert told == ["lost_contact"]
+
+
+def test_how_wide_an_angle_is_and_nothing_of_one_that_was_not_asked(found):
+    wide = replace(found.theta_c, verdict=Verdict.WIDE, interval=(10.0, 50.0))
+    setup = build_problem(found.table, config())
+    warnings = [*result_warnings(setup, replace(found, theta_c=wide))]
+    (text,) = [w.text for w in warnings if w.code == "theta_c_wide"]
+    assert text.startswith("θ_c: its interval is 40° wide")
+    assert not any(w.code.startswith("alpha_star") for w in warnings)
 
 
 def test_an_integral_that_is_not_settled_is_no_solver_that_stopped(monkeypatch):
@@ -133,6 +234,33 @@ def test_directions_that_disagree_are_said_also_without_an_estimate(found, estim
     warnings = result_warnings(build_problem(found.table, config()), found)
     (text,) = [w.text for w in warnings if w.code == "alpha_star_disagreement"]
     assert "10° to 30° by the model but in 75° to 85° by a cosine" in text
+
+
+@pytest.mark.parametrize(
+    ("interval", "is_said"),
+    [((176.0, 184.0), False), ((166.0, 174.0), True), (None, False)],
+)
+def test_directions_on_either_side_of_a_half_turn_are_near_each_other(
+    found, interval, is_said
+):
+    by_model = replace(found.theta_c, name="alpha_star", interval=(1.0, 5.0))
+    told = direction_disagreement(by_model, replace(by_model, interval=interval))
+    assert bool(list(told)) is is_said
+
+
+@pytest.mark.parametrize(("name", "symbol"), [("K_sn", "A"), ("K_st", "B")])
+def test_a_spring_that_is_softer_than_the_series_that_it_is_part_of_is_named(
+    found, name, symbol
+):
+    whole = np.exp(found.fit.estimate[found.fit.names.index(f"ln_{symbol}")])
+    for factor in (0.9, 1.1):
+        fixed = f"[parameters.{name}]\nfixed = {factor * whole}\n"
+        setup = build_problem(found.table, config(fixed))
+        warning = contradiction_warning(setup, found.fit)
+        assert (warning is not None) is (factor < 1)
+        if warning is not None:
+            assert warning.text.startswith(f"{name} is fixed at ")
+            assert f"a series stiffness {symbol} of {whole:.3g}," in warning.text
 
 
 @pytest.mark.parametrize(
