@@ -21,6 +21,7 @@ from pushfit.fit.problem.derived import (
     highest_density_set,
     median,
 )
+from pushfit.fit.problem.setup import n_azimuths
 from pushfit.fit.results import Quantity, ResultWarning, Verdict
 from pushfit.model import Grasp
 
@@ -54,7 +55,7 @@ def model_free_direction(
     heights = table.heights(channel)[rows]
     design, n_levels = _design(table.theta[rows], table.alpha[rows])
     dof = heights.size - design.shape[1]
-    if dof < 1 or np.linalg.matrix_rank(design) < design.shape[1]:
+    if dof < 1:
         return None
     coefficients, *_ = np.linalg.lstsq(design, heights, rcond=None)
     residuals = heights - design @ coefficients
@@ -152,22 +153,27 @@ def _channel(table: PeakTable) -> str | None:
 def _sweep_rows(table: PeakTable) -> Int[np.ndarray, " k"] | None:
     """Used rows at elevations that were pushed in enough azimuths."""
     used = np.flatnonzero(table.is_used)
-    theta = np.round(np.degrees(table.theta[used]), 3)
-    axis = np.round(np.mod(np.degrees(table.alpha[used]), 180.0), 3)
+    theta = _elevation(table.theta[used])
     kept = []
     for level in np.unique(theta):
-        same = theta == level
-        if np.unique(axis[same]).size >= MIN_AZIMUTHS:
-            kept.append(used[same])
+        same = used[theta == level]
+        if n_azimuths(table.alpha[same]) >= MIN_AZIMUTHS:
+            kept.append(same)
     return np.concatenate(kept) if kept else None
+
+
+def _elevation(theta: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """What counts as one elevation [deg]."""
+    return np.round(np.degrees(theta), 3)
 
 
 def _design(
     theta: Float[np.ndarray, " n"], alpha: Float[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, "n k"], int]:
     """One level per elevation, then the two waves."""
-    levels = np.unique(np.round(theta, 6))
-    indicator = (np.round(theta, 6)[:, None] == levels).astype(float)
+    elevation = _elevation(theta)
+    levels = np.unique(elevation)
+    indicator = (elevation[:, None] == levels).astype(float)
     waves = np.stack([np.cos(2 * alpha), np.sin(2 * alpha)], axis=1)
     return np.concatenate([indicator, waves], axis=1), levels.size
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy
 
 from pushfit.config.schema import ReachSection
 from pushfit.data.simulate import simulate_table
@@ -11,10 +12,11 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.model_free import (
     DISAGREEMENT,
     ROLLED,
+    _amplitude_may_vanish,
     direction_disagreement,
     model_free_direction,
 )
-from pushfit.fit.results import Verdict
+from pushfit.fit.results import Quantity, Verdict
 from pushfit.model import Grasp, Parameters, Pushes, forward
 from tests.tolerances import MAX_Z
 
@@ -23,6 +25,10 @@ OF_NOISE = 1e-6
 # Tables, and four binomial sd of how many of their 90 % intervals hold the truth.
 N_TABLES = 300
 CHANCE = MAX_Z * np.sqrt(N_TABLES * 0.9 * 0.1)
+
+# Four standard errors of the 5 % quantiles of 4000 draws of t with two degrees of
+# freedom, whose density there is 0.029.
+OF_DRAWS = 4 * np.sqrt(0.05 * 0.95 / 4000) / 0.029 / 2.92 / np.sqrt(2)
 
 REACH = ReachSection()
 
@@ -176,11 +182,67 @@ def test_round_heights_have_no_direction():
     assert found.interval is None
 
 
-def test_two_azimuths_are_no_sweep():
+@pytest.mark.parametrize(
+    "alpha_deg",
+    [[0.0, 90.0] * 3, [0.0, 90.0, 180.0] * 2, [0.0, 90.0, 179.9999] * 2, [0, 60, 120]],
+    ids=["two", "the same axis", "nearly the same", "one height each"],
+)
+def test_two_azimuths_or_none_to_spare_are_no_sweep(alpha_deg):
     table = PeakTable.from_arrays(
-        theta=np.full(6, 0.3),
-        alpha=np.radians([0.0, 90.0] * 3),
-        heights={"height": np.arange(6.0) + 1},
+        theta=np.full(len(alpha_deg), 0.3),
+        alpha=np.radians(alpha_deg),
+        heights={"height": np.arange(len(alpha_deg)) + 1.0},
         unit="n",
     )
     assert model_free_direction(table, reach=REACH, prob=0.9, seed=0) is None
+
+
+def test_elevations_as_a_robot_reports_them_are_those_that_it_was_sent_to():
+    table = wave_table(65.0, 1.0, 0.1)
+    missed = table.frame["theta_deg"] + 1e-4 * table.frame["alpha_deg"] / 30
+    reported = PeakTable.from_frame(table.frame.assign(theta_deg=missed))
+    exact, found = (
+        model_free_direction(one, reach=REACH, prob=0.9, seed=0)
+        for one in (table, reported)
+    )
+    assert exact is not None
+    assert found is not None
+    assert found.interval == exact.interval
+
+
+def second_harmonic(ratio: float) -> Quantity:
+    """A wave beside one of half its period, which is all that is left: F = ratio²."""
+    alpha = np.pi * np.arange(5) / 5
+    table = PeakTable.from_arrays(
+        theta=np.full(5, 0.3),
+        alpha=alpha,
+        heights={"height": 5 - ratio * np.cos(2 * alpha) + np.cos(4 * alpha)},
+        unit="n",
+    )
+    found = model_free_direction(table, reach=REACH, prob=0.9, seed=0)
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("share", [0.99, 1.01])
+def test_an_amplitude_vanishes_by_the_f_test_of_as_few_residuals(share):
+    """Two of five heights are left."""
+    ratio = share * np.sqrt(scipy.stats.f.ppf(0.9, 2, 2))
+    is_round = second_harmonic(ratio).verdict is Verdict.NOT_DETERMINED
+    assert is_round is (share < 1)
+
+
+def test_an_interval_is_as_wide_as_student_s_t_has_it():
+    """By the slope of the angle: the variance of either amplitude is 2 σ²/n."""
+    ratio, sigma = 100.0, np.sqrt(5 / 2 / 2)
+    sd_deg = np.degrees(sigma * np.sqrt(2 / 5) / (2 * ratio))
+    low, high = second_harmonic(ratio).interval
+    half = scipy.stats.t.ppf(0.95, 2) * sd_deg
+    np.testing.assert_allclose((high - low) / 2, half, rtol=OF_DRAWS)
+
+
+def test_a_wave_without_scatter_is_one_and_no_wave_is_none():
+    nothing = np.zeros((2, 2))
+    words = {"dof": 2, "prob": 0.9}
+    assert _amplitude_may_vanish(np.zeros(2), nothing, **words)
+    assert not _amplitude_may_vanish(np.array([1.0, 0.0]), nothing, **words)
