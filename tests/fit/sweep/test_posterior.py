@@ -1,6 +1,7 @@
 """The sweep: against closed forms, sums over grids, the prior, and quadrature."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import equinox as eqx
 import jax
@@ -55,6 +56,19 @@ TAIL = 0.15
 N_PLAIN, FEW_HEAVY = 24, 2
 # Repeats that are pooled, and rows whose logs are taken together; the others are slow.
 QUICK = ("plain", "student_sampled")
+
+
+def draws_of(n_draws, *, ess, pareto_k):
+    """Draws of which only the count and what they are worth matter."""
+    return engine.WeightedDraws(
+        x=np.zeros((n_draws, 1)),
+        log_prob=np.zeros(n_draws),
+        log_weights=np.full(n_draws, -np.log(n_draws)),
+        log_evidence=0.0,
+        log_evidence_error=0.01,
+        ess=ess,
+        pareto_k=pareto_k,
+    )
 
 
 def swept(setup, seed=1):
@@ -255,15 +269,7 @@ def test_what_the_sweep_cannot_do_is_handed_to_emcee_and_said(monkeypatch):
 )
 def test_uneven_draws_are_drawn_anew(n_draws, ess, pareto_k, is_even, monkeypatch):
     """Above k = 1/2 weights have no variance (Vehtari et al., 2024)."""
-    swept = engine.WeightedDraws(
-        x=np.zeros((n_draws, 1)),
-        log_prob=np.zeros(n_draws),
-        log_weights=np.full(n_draws, -np.log(n_draws)),
-        log_evidence=0.0,
-        log_evidence_error=0.01,
-        ess=ess,
-        pareto_k=pareto_k,
-    )
+    swept = draws_of(n_draws, ess=ess, pareto_k=pareto_k)
     anew = dataclasses.replace(swept, pareto_k=0.3)
     monkeypatch.setattr(engine, "_swept", lambda target, rng: swept)
     monkeypatch.setattr(engine, "_mixture", lambda *_: None)
@@ -271,6 +277,28 @@ def test_uneven_draws_are_drawn_anew(n_draws, ess, pareto_k, is_even, monkeypatc
     target = make_target(KINDS["plain"].setup(0).problem, ALPHA)
     found = engine.weighted_draws(target, seed=0)
     assert found.pareto_k == (swept if is_even else anew).pareto_k
+
+
+@pytest.mark.parametrize(
+    ("tails", "taken"),
+    [
+        ([0.6, 0.65], 0.65),
+        ([0.8, 0.6, 0.8, 0.4, 0.6], 0.6),
+        ([0.6, 0.8, 0.65, 0.8, 0.55, 0.8, 0.6], 0.55),
+        ([0.9, 0.8, 0.9, 0.75, 0.8, 0.9, 0.8], 0.75),
+    ],
+    ids=["at once", "two in a row", "never two", "none"],
+)
+def test_draws_are_trusted_after_others_that_are(tails, taken, monkeypatch):
+    """Above k = 0.7 they are not; without two in a row the evenest are taken."""
+    many = [draws_of(2 * engine.N_DRAWS, ess=engine.ENOUGH, pareto_k=k) for k in tails]
+    mixture = SimpleNamespace(beside=lambda other: other)
+    monkeypatch.setattr(engine, "_swept", lambda *_: many.pop(0))
+    monkeypatch.setattr(engine, "_mixture", lambda *_: mixture)
+    monkeypatch.setattr(engine, "_proposed", lambda *_: many.pop(0))
+    target = make_target(KINDS["plain"].setup(0).problem, ALPHA)
+    assert engine.weighted_draws(target, seed=0).pareto_k == taken
+    assert not many
 
 
 @pytest.mark.slow
