@@ -23,7 +23,7 @@ from pushfit.fit.results.environment import environment
 from pushfit.mechanics.registry import source_of
 
 # Results of another form are computed again.
-FORM = 17
+FORM = 18
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
