@@ -1,0 +1,109 @@
+"""The verdict on an angle: draws and profiles whose answer the rule itself tells."""
+
+import numpy as np
+import pytest
+import scipy
+
+from pushfit.fit.assess.verdicts import angle_quantity
+from pushfit.fit.profiles.profile_sets import verdict_of
+from pushfit.fit.results import (
+    FitStatus,
+    LikelihoodProfile,
+    Piece,
+    PosteriorResult,
+    Quantity,
+    Verdict,
+)
+
+SHARES = (np.arange(2000) + 0.5) / 2000
+# A posterior of 40° ± 2°, and a prior that has every angle.
+NARROW, WIDE = 40.0 + 2.0 * scipy.stats.norm.ppf(SHARES), 90.0 * SHARES
+CLOSED, OPEN = ((36.0, 44.0),), ((36.0, None),)
+
+
+def judged(
+    draws: np.ndarray,
+    pieces: tuple[Piece, ...] | None = CLOSED,
+    *,
+    before: np.ndarray = WIDE,
+    by_draws: bool = False,
+) -> Quantity:
+    """θ_c by draws and, unless there are none, by a likelihood set."""
+    posterior = PosteriorResult(
+        samples={"theta_c": draws},
+        prior_samples={"theta_c": before},
+        log_prob=np.zeros(draws.size),
+        chain=None,
+        chain_names=(),
+        thin=1,
+        engine="sweep",
+        diagnostics=None,
+        log_evidence=None,
+        log_evidence_error=None,
+        seed=0,
+        status=FitStatus.OK,
+    )
+    profile = None
+    if pieces is not None:
+        profile = LikelihoodProfile(
+            name="theta_c",
+            unit="deg",
+            values=np.zeros(0),
+            delta_chi_square=np.zeros(0),
+            pieces=pieces,
+            prob=0.9,
+            verdict=verdict_of(pieces),
+            degrees_of_freedom=np.inf,
+        )
+    return angle_quantity("theta_c", posterior, profile, prob=0.9, by_draws=by_draws)
+
+
+@pytest.mark.parametrize(
+    ("never", "verdict", "is_quoted"),
+    [
+        (0.04, Verdict.DETERMINED, True),
+        (0.06, Verdict.DETERMINED, False),
+        (0.89, Verdict.DETERMINED, False),
+        (0.91, Verdict.ABSENT, False),
+    ],
+)
+def test_draws_that_never_roll_leave_an_interval_its_tails_alone(
+    never, verdict, is_quoted
+):
+    found = judged(np.where(SHARES[::-1] < never, np.nan, NARROW))
+    assert found.verdict is verdict
+    assert (found.interval is not None) is is_quoted
+    assert (found.estimate is not None) is is_quoted
+    assert ("of the posterior never rolls" in found.note) is not is_quoted
+    assert found.likelihood_sets == (() if verdict is Verdict.ABSENT else CLOSED)
+
+
+@pytest.mark.parametrize(
+    ("share", "verdict"), [(0.75, Verdict.DETERMINED), (0.85, Verdict.NOT_DETERMINED)]
+)
+def test_what_hardly_narrows_the_prior_determines_nothing(share, verdict):
+    """However sharp its profile; four fifths of its width is hardly."""
+    assert judged(45.0 + share * (WIDE - 45.0)).verdict is verdict
+
+
+@pytest.mark.parametrize(
+    ("by_draws", "before", "verdict"),
+    [
+        (True, WIDE, Verdict.DETERMINED),
+        (False, WIDE, Verdict.NOT_DETERMINED),
+        # What is fixed is not determined by heights.
+        (True, np.full(2000, 40.0), Verdict.NOT_DETERMINED),
+    ],
+)
+def test_draws_alone_tell_where_there_is_no_profile_to_be_had(
+    by_draws, before, verdict
+):
+    assert judged(NARROW, None, before=before, by_draws=by_draws).verdict is verdict
+
+
+@pytest.mark.parametrize("is_lower", [True, False])
+def test_an_end_that_the_likelihood_leaves_open_is_open(is_lower):
+    ((low, high),) = judged(NARROW).sets
+    found = judged(NARROW, ((None, 44.0),) if is_lower else OPEN)
+    assert found.verdict is Verdict.ONE_SIDED
+    assert found.sets == (((None, high),) if is_lower else ((low, None),))
