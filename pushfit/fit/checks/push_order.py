@@ -35,6 +35,8 @@ def drift_in_repeats(table: PeakTable) -> Iterator[ResultWarning]:
     order = table.frame["push"].to_numpy(dtype=float)[rows]
     within, n_directions = _about_means(order, table.groups[rows])
     degrees_of_freedom = rows.size - n_directions - 1
+    if degrees_of_freedom < 1:
+        return
     if np.sum(within**2) >= IN_A_ROW * np.var(order) * rows.size:
         return
     for channel in table.channels:
