@@ -7,12 +7,12 @@ import pytest
 
 from pushfit.config import parse_config
 from pushfit.data.tables.peak_table import PeakTable
+from pushfit.fit.assess.model_free import direction_disagreement
 from pushfit.fit.assess.warnings import (
     against_prior,
     bound_warnings,
     contact_warnings,
     contradiction_warning,
-    direction_disagreement,
     improbable,
     result_warnings,
     untested,
@@ -244,7 +244,13 @@ def test_directions_on_either_side_of_a_half_turn_are_near_each_other(
     found, interval, is_said
 ):
     by_model = replace(found.theta_c, name="alpha_star", interval=(1.0, 5.0))
-    told = direction_disagreement(by_model, replace(by_model, interval=interval))
+    told = direction_disagreement(
+        by_model,
+        replace(by_model, interval=interval),
+        found.table,
+        grasp=Grasp(push_length=PUSH),
+        predict=lambda angles: np.empty((0, angles.shape[1])),
+    )
     assert bool(list(told)) is is_said
 
 
