@@ -34,7 +34,7 @@ from pushfit.model import as_float, contact
 from pushfit.parameters import NAMED, STIFFNESSES
 
 # Codes by which others know that numbers are not to be quoted.
-INADEQUATE = "model_inadequate"
+INADEQUATE, SCATTERED = "model_inadequate", "scatter_exceeds_sd"
 NOT_CONVERGED = FitStatus.NOT_CONVERGED.name.lower()
 # Share of the range of a uniform prior beside a bound, and of a posterior in it that is
 # pressed against the bound: twice what is there where heights say nothing.
@@ -104,7 +104,7 @@ def scatter_warning(
     if chance > LEVEL:
         return None
     return ResultWarning(
-        code="scatter_exceeds_sd",
+        code=SCATTERED,
         text=f"heights scatter {times:.1f} times as much about the fit as their "
         "standard deviations say; either these are too small or the model misses "
         "something. The extra scatter is estimated and widens every interval",

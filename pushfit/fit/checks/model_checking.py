@@ -63,12 +63,15 @@ def goodness_of_fit(
     predictive: tuple[PredictiveCheck, ...] = (),
     contradicted: Sequence[str] = (),
     left_out: Sequence[LeftOut] = (),
+    is_scattered: bool = False,
 ) -> GoodnessOfFit:
     """Compare the residuals of a fit with noise, with repeats and with each other.
 
     Args:
         contradicted: Letters of the quantities of which priors and heights disagree.
         left_out: Pushes that the others do not predict.
+        is_scattered: Whether noise is taken from the residuals because that stated does
+            not explain them.
     """
     rows = np.asarray(fit.row)
     heights = {name: table.heights(name) for name in table.channels}
@@ -107,7 +110,9 @@ def goodness_of_fit(
         pattern_p_value=pattern,
         outliers=tuple(label(table, row) for row in outliers.tolist()),
         is_adequate=not failed,
-        sentence=_sentence(failed, r_squared, fit.degrees_of_freedom),
+        sentence=_sentence(
+            failed, r_squared, fit.degrees_of_freedom, is_scattered=is_scattered
+        ),
         predictive=predictive,
     )
 
@@ -192,12 +197,19 @@ def label(table: PeakTable, row: int) -> str:
     return f"push {push} (θ = {theta:g}°, α = {alpha:g}°)"
 
 
-def _sentence(failed: list[str], r_squared: float, degrees_of_freedom: int) -> str:
+def _sentence(
+    failed: list[str], r_squared: float, degrees_of_freedom: int, *, is_scattered: bool
+) -> str:
     if not failed and degrees_of_freedom < MIN_TESTED:
         more = "hardly" if degrees_of_freedom > 0 else "no"
         return (
             f"The heights do not speak against the model, but are {more} more than its "
             "unknowns, and would not show that it is wrong."
+        )
+    if not failed and is_scattered:
+        return (
+            "The model describes the heights within a noise that is taken from what it "
+            "misses, since the stated one does not explain that."
         )
     if not failed:
         return "The model describes the heights within their noise."

@@ -313,6 +313,8 @@ def test_scatter_beyond_the_stated_sd_widens_every_interval():
     fitted = fit_table(type(table).from_frame(frame), config())
     assert "scatter_exceeds_sd" in {warning.code for warning in fitted.warnings}
     np.testing.assert_allclose(np.median(fitted.fit.sigma), 0.05, rtol=SIGMA_ONCE)
+    found = identify_table(fitted.table, config(), seed=0, engine="sweep")
+    assert "the stated one does not explain" in found.goodness_of_fit.sentence
 
 
 def unequal():
