@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from pushfit.arguments import checked
 from pushfit.batch.folders import (
     FOLDER,
     REPORT,
@@ -66,7 +65,6 @@ class Batch:
     notice: str
 
 
-@checked
 def identify_batch(
     inputs: str | Path | Sequence[str | Path],
     out: str | Path,

@@ -81,7 +81,9 @@ def find_extents(view: View) -> tuple[Extent, ...]:
     is_push = ~_are_trends(feet, is_cut=is_cut, time=time, is_low=is_low)
     trends, whole = np.flatnonzero(~is_push & is_cut), feet.height[~is_cut & ~is_low]
     least = _OF_USUAL * float(np.median(whole)) if whole.size else np.inf
-    beyond = _beyond_steps(view, rows_of(feet, trends), least=least)
+    # Of fewer the usual height may be that of a wiggle.
+    alone = least if whole.size >= _RETURNS else np.inf
+    beyond = _beyond_steps(view, rows_of(feet, trends), least=alone)
     if trends.size and whole.size and not beyond:
         is_push[trends] = _have_tops(view, rows_of(feet, trends), least=least)
     within, contact = from_within(view, feet)

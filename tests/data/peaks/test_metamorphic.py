@@ -265,6 +265,17 @@ def test_no_push_beside_a_step_has_two_rows(when, end):
     )
 
 
+@pytest.mark.parametrize("end", [7.5, 7.8, 8.0])
+def test_a_wiggle_of_the_rest_makes_no_push_of_those_of_a_push_that_is_cut(end):
+    """As usual counts what several pushes have, not one."""
+    time = np.arange(0.0, end, 0.01)
+    y = 0.5 * np.random.default_rng(RNG).standard_normal(time.size)
+    for top, width, height in ((1.7, 0.2, 53.0), (6.6, 0.15, 20.0), (7.2, 0.2, 35.0)):
+        y += height * np.clip(1 - np.abs(time - top) / width, 0, 1)
+    y += 480.0 * np.clip((time - 3.5) / 2.0, 0, 1)
+    assert all(push.flags for push in measured(time, y) if push.start > 3.0)
+
+
 @SHAPES
 @pytest.mark.parametrize("when", [9.6, 12.7])
 @pytest.mark.parametrize("step", [-100.0, 100.0])
