@@ -48,9 +48,9 @@ def forward(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) -> Chann
 
         height = gain (sqrt(F_pt² + F_n²) - F_0) + offset
 
-    With F_0 = 0, gain 1 and offset 0 this is S_p P_r of Eq. (12). Of an object that tilts
-    each call is compiled anew, unless it is from within a compiled function, as
-    `equinox.filter_jit(forward)`.
+    With F_0 = 0, gain 1 and offset 0 this is S_p P_r of Eq. (12). Where objects tilt
+    each call is compiled anew, unless it comes from a function that is compiled, such
+    as `equinox.filter_jit(forward)`.
 
     Args:
         params: Parameters, or the combinations that forces depend on.
