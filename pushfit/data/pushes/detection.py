@@ -122,7 +122,8 @@ def _beyond_steps(view: View, steps: Feet[np.ndarray], *, least: float) -> list[
     """Pushes on levels that the signal begins with, or goes to and does not leave.
 
     Args:
-        least: Height by which a single push shows that a level is a rest [unit].
+        least: Height of half a usual push, of which a single one that is no more than
+            twice one shows that a level is a rest [unit].
     """
     begin, end = float(view.time[0]), float(view.time[-1])
     found = []
@@ -139,7 +140,8 @@ def _beyond_steps(view: View, steps: Feet[np.ndarray], *, least: float) -> list[
             if not push.is_cut or push.t_start > edge or push.t_end < edge
         ]
         heights = [push.height for push in pushes if _returns_to_rest(push)]
-        if len(heights) >= _RETURNS or max(heights, default=0.0) >= least:
+        are_usual = [least <= own <= least / _OF_USUAL**2 for own in heights]
+        if len(heights) >= _RETURNS or any(are_usual):
             first = int(np.searchsorted(view.time, edge)) if is_after else 0
             found += [
                 replace(push, start=push.start + first, end=push.end + first)

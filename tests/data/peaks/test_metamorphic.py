@@ -266,13 +266,21 @@ def test_no_push_beside_a_step_has_two_rows(when, end):
 
 
 @pytest.mark.parametrize("end", [7.5, 7.8, 8.0])
-def test_a_wiggle_of_the_rest_makes_no_push_of_those_of_a_push_that_is_cut(end):
-    """As usual counts what several pushes have, not one."""
+@pytest.mark.parametrize(
+    ("on_rest", "on_push"),
+    [((0.0, 53.0), (20.0, 35.0)), ((65.0, 54.0, 53.0), (430.0, 230.0))],
+    ids=["one alone", "far smaller ones"],
+)
+def test_wiggles_of_a_push_that_is_cut_are_no_pushes_as_those_before(
+    on_rest, on_push, end
+):
+    """As usual counts what several pushes have, and nothing far higher."""
     time = np.arange(0.0, end, 0.01)
     y = 0.5 * np.random.default_rng(RNG).standard_normal(time.size)
-    for top, width, height in ((1.7, 0.2, 53.0), (6.6, 0.15, 20.0), (7.2, 0.2, 35.0)):
-        y += height * np.clip(1 - np.abs(time - top) / width, 0, 1)
-    y += 480.0 * np.clip((time - 3.5) / 2.0, 0, 1)
+    tops = (0.5, 1.7, 2.6)[: len(on_rest)] + (6.6, 7.2)
+    for top, height in zip(tops, (*on_rest, *on_push), strict=True):
+        y += height * np.clip(1 - np.abs(time - top) / 0.2, 0, 1)
+    y += max(480.0, 4 * max(on_push)) * np.clip((time - 3.5) / 2.0, 0, 1)
     assert all(push.flags for push in measured(time, y) if push.start > 3.0)
 
 
