@@ -277,7 +277,7 @@ def test_wiggles_of_a_push_that_is_cut_are_no_pushes_as_those_before(
     """As usual counts what several pushes have, and nothing far higher."""
     time = np.arange(0.0, end, 0.01)
     y = 0.5 * np.random.default_rng(RNG).standard_normal(time.size)
-    tops = (0.5, 1.7, 2.6)[: len(on_rest)] + (6.6, 7.2)
+    tops = (*(0.5, 1.7, 2.6)[: len(on_rest)], 6.6, 7.2)
     for top, height in zip(tops, (*on_rest, *on_push), strict=True):
         y += height * np.clip(1 - np.abs(time - top) / 0.2, 0, 1)
     y += max(480.0, 4 * max(on_push)) * np.clip((time - 3.5) / 2.0, 0, 1)

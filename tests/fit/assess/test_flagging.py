@@ -13,7 +13,8 @@ from pushfit.fit.assess.reporting_rules import within_verdict
 from pushfit.fit.assess.verdicts import angle_quantity
 from pushfit.fit.profiles.least_squares import fit_least_squares
 from pushfit.fit.profiles.profiles import likelihood_profiles
-from pushfit.fit.results import FitStatus, PosteriorResult, Verdict
+from pushfit.fit.results import Verdict
+from tests.fit.posteriors import posterior_of
 from tests.fit.tables import setup_of
 from tests.problems import PLAIN, paper_parameters
 
@@ -103,20 +104,7 @@ def confident(rng):
     """A chain that has converged to 45 ± 1° for either angle."""
     draws = {name: rng.normal(45, 1, 500) for name in ("theta_c", "alpha_star")}
     before = {name: rng.uniform(0, 90, 500) for name in draws}
-    return PosteriorResult(
-        samples=draws,
-        prior_samples=before,
-        log_prob=np.zeros(500),
-        chain=None,
-        chain_names=(),
-        thin=1,
-        engine="sweep",
-        diagnostics=None,
-        log_evidence=None,
-        log_evidence_error=None,
-        seed=0,
-        status=FitStatus.OK,
-    )
+    return posterior_of(draws, before)
 
 
 def holds(pieces, value, *, share=1.0):

@@ -7,13 +7,12 @@ import scipy
 from pushfit.fit.assess.verdicts import angle_quantity
 from pushfit.fit.profiles.profile_sets import verdict_of
 from pushfit.fit.results import (
-    FitStatus,
     LikelihoodProfile,
     Piece,
-    PosteriorResult,
     Quantity,
     Verdict,
 )
+from tests.fit.posteriors import posterior_of
 
 SHARES = (np.arange(2000) + 0.5) / 2000
 # A posterior of 40° ± 2°, and a prior that has every angle.
@@ -29,20 +28,7 @@ def judged(
     by_draws: bool = False,
 ) -> Quantity:
     """θ_c by draws and, unless there are none, by a likelihood set."""
-    posterior = PosteriorResult(
-        samples={"theta_c": draws},
-        prior_samples={"theta_c": before},
-        log_prob=np.zeros(draws.size),
-        chain=None,
-        chain_names=(),
-        thin=1,
-        engine="sweep",
-        diagnostics=None,
-        log_evidence=None,
-        log_evidence_error=None,
-        seed=0,
-        status=FitStatus.OK,
-    )
+    posterior = posterior_of({"theta_c": draws}, {"theta_c": before})
     profile = None
     if pieces is not None:
         profile = LikelihoodProfile(

@@ -19,10 +19,11 @@ from pushfit.fit.assess.warnings import (
 )
 from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.problem.setup import build_problem
-from pushfit.fit.results import FitStatus, PosteriorResult, Verdict
+from pushfit.fit.results import FitStatus, Verdict
 from pushfit.fit.sweep import posterior as sweep
 from pushfit.model import Grasp
 from pushfit.parameters import NAMED
+from tests.fit.posteriors import posterior_of
 from tests.fit.tables import case_table, config
 from tests.problems import CASES, PUSH
 
@@ -32,28 +33,6 @@ def found():
     """A result in which nothing is wrong."""
     table = case_table(CASES["firm"], noise=0.02)
     return identify_table(table, config(), seed=0, engine="sweep")
-
-
-def drawn(
-    samples: dict[str, np.ndarray],
-    before: dict[str, np.ndarray] | None = None,
-    status: FitStatus = FitStatus.OK,
-) -> PosteriorResult:
-    """Draws, and those of the prior."""
-    return PosteriorResult(
-        samples=samples,
-        prior_samples=before or {},
-        log_prob=np.zeros(1000),
-        chain=None,
-        chain_names=(),
-        thin=1,
-        engine="sweep",
-        diagnostics=None,
-        log_evidence=None,
-        log_evidence_error=None,
-        seed=0,
-        status=status,
-    )
 
 
 LOW, HIGH = -0.9, -0.1
@@ -82,7 +61,7 @@ def test_a_bound_below_zero_is_a_bound(draws, is_said):
         alpha_deg=alpha_deg,
     )
     setup = build_problem(table, config(text))
-    posterior = drawn({"e1": np.clip(draws, LOW, HIGH)})
+    posterior = posterior_of({"e1": np.clip(draws, LOW, HIGH)})
     codes = {warning.code for warning in bound_warnings(setup, posterior)}
     assert ("bound_touched" in codes) is is_said
 
@@ -95,13 +74,15 @@ def test_what_priors_hardly_allow_is_free_quoted_and_by_draws_to_be_trusted(name
     samples = dict.fromkeys(("A", "B", "C_rr"), EVEN)
     before, far = samples, samples | {name: 3 * EVEN}
     known = config()
-    assert improbable(known, drawn(samples, before)) == ()
-    (letter,) = improbable(known, drawn(far, before))
+    assert improbable(known, posterior_of(samples, before)) == ()
+    (letter,) = improbable(known, posterior_of(far, before))
     assert letter == NAMED[name].prose
-    assert improbable(known, drawn(far, before, FitStatus.NOT_CONVERGED)) == ()
+    assert improbable(known, posterior_of(far, before, FitStatus.NOT_CONVERGED)) == ()
     fixed = before | {name: np.ones(1000)}
-    assert improbable(known, drawn(far, fixed)) == ()
-    of_unknown_length = improbable(parse_config("", path="g.toml"), drawn(far, before))
+    assert improbable(known, posterior_of(far, fixed)) == ()
+    of_unknown_length = improbable(
+        parse_config("", path="g.toml"), posterior_of(far, before)
+    )
     assert of_unknown_length == ((letter,) if name == "C_rr" else ())
 
 
@@ -120,7 +101,7 @@ def test_a_transition_is_soft_where_one_in_seven_of_the_prior_is(
     """The prior has p evenly from 0 to 10."""
     known = dict.fromkeys(("A", "B", "C_rr"), EVEN)
     before = known | {"p": np.linspace(0.0, 10.0, 1000)}
-    posterior = drawn(known | {"p": np.full(1000, p)}, before, status)
+    posterior = posterior_of(known | {"p": np.full(1000, p)}, before, status)
     told = against_prior(config(), posterior, is_adequate=is_adequate)
     assert ("unusually_soft" in {warning.code for warning in told}) is is_said
 

@@ -12,7 +12,8 @@ import pytest
 from scipy import integrate, stats
 
 from pushfit.fit.checks.predictive import predictive_checks
-from pushfit.fit.results import FitStatus, PosteriorResult
+from pushfit.fit.results import FitStatus
+from tests.fit.posteriors import posterior_of
 from tests.fit.tables import FRICTION_ONLY, case_table, setup_of
 from tests.problems import CASES, PUSH
 
@@ -62,20 +63,7 @@ def moments(heights):
 def drawn(heights, rng, status=FitStatus.OK):
     """Independent draws from that posterior."""
     draws = {"C_rr": rng.normal(*moments(heights), N_DRAWS)}
-    return PosteriorResult(
-        samples=draws,
-        prior_samples=draws,
-        log_prob=np.zeros(N_DRAWS),
-        chain=None,
-        chain_names=(),
-        thin=1,
-        engine="sweep",
-        diagnostics=None,
-        log_evidence=None,
-        log_evidence_error=None,
-        seed=0,
-        status=status,
-    )
+    return posterior_of(draws, draws, status)
 
 
 def checked(table, setup, heights, seed):
