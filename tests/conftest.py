@@ -31,6 +31,9 @@ os.environ[folder.SWITCH] = os.environ[folder.PROGRAMS] = str(PROGRAMS)
 # For what tests compile by themselves.
 jax.config.update("jax_compilation_cache_dir", str(COMPILED))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
+# Objects between two searches for garbage, which take a twentieth of the time if Python
+# chooses.
+gc.set_threshold(50_000)
 # Of one process, of which two run at once [bytes].
 MAX_MEMORY = 3e9
 # A gate says the same of the same code: the same examples each time, and no deadline,

@@ -9,9 +9,9 @@ import dataclasses
 import functools
 import inspect
 import threading
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterable
 from types import FunctionType
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jaxtyping
@@ -30,29 +30,60 @@ class _Unlike(Exception):
     """Elements of several forms, of which a check may look at any one."""
 
 
-def form_of(value: Any, asked: str) -> Hashable:
+class Asked(NamedTuple):
+    """What annotations may ask beside types and shapes.
+
+    Args:
+        values: For a certain text or number.
+        any_length: For a tuple of any length.
+    """
+
+    values: bool
+    any_length: bool
+
+
+def form_of(value: Any, asked: Asked) -> Hashable:
     """What an annotation may ask of a value.
 
     Args:
-        asked: All annotations of its function.
+        asked: By all annotations of its function.
     """
     kind = type(value)
-    if kind is np.ndarray or isinstance(value, ARRAYS):
-        return kind, value.shape, value.dtype
+    form = _form_by_kind.get(kind)
+    if form is None:
+        form = _form_by_kind[kind] = _form_of_kind(value)
+    return form(value, asked)
+
+
+def _form_of_kind(value: Any) -> Callable[[Any, Asked], Hashable]:
+    """How the form of a value is found, and of all others of its type."""
+    kind = type(value)
+    if isinstance(value, ARRAYS):
+        return lambda value, _: (kind, value.shape, value.dtype)
     if isinstance(value, dict):
-        pairs = value.items()
-        return kind, _one([(form_of(k, asked), form_of(v, asked)) for k, v in pairs])
-    if isinstance(value, (list, tuple, set, frozenset)):
-        forms = [form_of(one, asked) for one in value]
-        if not isinstance(value, tuple):
-            return kind, _one(forms)
-        # Beside a tuple of any length there may be one of a certain length.
-        return kind, (len(forms), _one(forms)) if ANY_LENGTH in asked else tuple(forms)
-    if isinstance(value, type) or (
-        OF_VALUES in asked and isinstance(value, (str, int))
-    ):
-        return kind, value
-    return kind
+        return lambda value, asked: (
+            kind,
+            _one([(form_of(k, asked), form_of(v, asked)) for k, v in value.items()]),
+        )
+    if isinstance(value, tuple):
+        return _form_of_tuple
+    if isinstance(value, (list, set, frozenset)):
+        return lambda value, asked: (kind, _one([form_of(x, asked) for x in value]))
+    if isinstance(value, type):
+        return lambda value, _: (kind, value)
+    if isinstance(value, (str, int)):
+        return lambda value, asked: (kind, value) if asked.values else kind
+    return lambda *_: kind
+
+
+def _form_of_tuple(value: tuple[Any, ...], asked: Asked) -> Hashable:
+    forms = [form_of(one, asked) for one in value]
+    # Beside a tuple of any length there may be one of a certain length.
+    form = (len(forms), _one(forms)) if asked.any_length else tuple(forms)
+    return type(value), form
+
+
+_form_by_kind: dict[type, Callable[[Any, Asked], Hashable]] = {}
 
 
 def _one(forms: list[Hashable]) -> Hashable:
@@ -63,7 +94,7 @@ def _one(forms: list[Hashable]) -> Hashable:
     return known
 
 
-def _form_of_all(values: tuple[Any, ...], asked: str) -> Hashable | None:
+def _form_of_all(values: Iterable[Any], asked: Asked) -> Hashable | None:
     """What annotations may ask of values; None where each call has to be checked."""
     try:
         return tuple([form_of(one, asked) for one in values])
@@ -72,7 +103,7 @@ def _form_of_all(values: tuple[Any, ...], asked: str) -> Hashable | None:
 
 
 class _Checks:
-    """Checks of a function, and the forms of calls that have passed.
+    """Checks of a function, and the forms of calls and results that have passed.
 
     Args:
         function: It, or another one of the same source.
@@ -80,7 +111,7 @@ class _Checks:
     """
 
     def __init__(self, function: FunctionType, typechecker: Callable[..., Any]):
-        self.passed: set[Hashable] = set()
+        self.passed: dict[Hashable, set[Hashable]] = {}
         self._of_thread = of_thread = threading.local()
 
         def run(*args, **kwargs):
@@ -103,11 +134,6 @@ class _Checks:
             self._of_thread.function = None
 
 
-def _asked(function: FunctionType) -> str:
-    """What annotations of a function ask for."""
-    return repr([*function.__annotations__.items()])
-
-
 _of_source: dict[Hashable, _Checks] = {}
 
 
@@ -120,12 +146,14 @@ def jaxtyped(function=None, *, typechecker):
         if dataclasses.is_dataclass(function) and "__init__" in vars(function):
             function.__init__ = decorate(function.__init__)
         return function
-    if inspect.isgeneratorfunction(function) or OF_ANYTHING in _asked(function):
+    text = repr([*function.__annotations__.items()])
+    if inspect.isgeneratorfunction(function) or OF_ANYTHING in text:
         return _check(function, typechecker=typechecker)
-    checks, asked = _Checks(function, typechecker), _asked(function)
+    checks = _Checks(function, typechecker)
+    asked = Asked(OF_VALUES in text, ANY_LENGTH in text)
     if "<locals>" in function.__qualname__:
         # Made anew by each call of the function around it.
-        checks = _of_source.setdefault((function.__code__, asked), checks)
+        checks = _of_source.setdefault((function.__code__, text), checks)
     passed, config = checks.passed, jaxtyping.config
 
     @functools.wraps(function)
@@ -133,19 +161,20 @@ def jaxtyped(function=None, *, typechecker):
         if config.jaxtyping_disable:
             return function(*args, **kwargs)
         taken = _form_of_all((*args, *kwargs.values()), asked), *kwargs
-        if taken in passed:
+        returned = passed.get(taken)
+        if returned is None:
+            result = checks(function, args, kwargs)
+            form = _form_of_all((result,), asked)
+        else:
             result = function(*args, **kwargs)
-            form = taken, _form_of_all((result,), asked)
-            if form in passed:
+            form = _form_of_all((result,), asked)
+            if form in returned:
                 return result
             checks(lambda *_, **__: result, args, kwargs)
-        else:
-            result = checks(function, args, kwargs)
-            form = taken, _form_of_all((result,), asked)
         if taken[0] is not None:
-            passed.add(taken)
-            if form[1] is not None:
-                passed.add(form)
+            passed.setdefault(taken, set())
+            if form is not None:
+                passed[taken].add(form)
         return result
 
     return call
