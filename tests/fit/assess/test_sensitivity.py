@@ -6,6 +6,7 @@ import pytest
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.sensitivity import angle_error_shifts
 from pushfit.fit.identify.fit_table import fit_table
+from pushfit.fit.identify.fitted import sweep
 from pushfit.fit.identify.identify_table import identify_table
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
@@ -54,6 +55,12 @@ def identified(of: PeakTable, text: str = ""):
     return identify_table(of, config(text), seed=0, engine="sweep", is_brief=True)
 
 
+def means(of: PeakTable, *names: str) -> list[float]:
+    """Posterior means by the sweep alone."""
+    samples = sweep(fit_table(of, config()), 0).samples
+    return [float(np.mean(samples[name])) for name in names]
+
+
 def codes(of: PeakTable, text: str = "") -> set[str]:
     return {warning.code for warning in identified(of, text).warnings}
 
@@ -66,11 +73,8 @@ def found():
 def test_predicted_shift_is_that_of_elevations_that_are_off(found):
     """One direction after the other off by a little, and all identified again."""
     exact = np.mean(found.posterior.samples["theta_c"])
-    moved = []
-    for one in np.eye(THETA_DEG.size):
-        other = identified(table(OFF_DEG * one))
-        moved.append(np.mean(other.posterior.samples["theta_c"]) - exact)
-    expected = COMMON_SD_DEG / OFF_DEG * np.linalg.norm(moved)
+    off = [means(table(OFF_DEG * one), "theta_c") for one in np.eye(THETA_DEG.size)]
+    expected = COMMON_SD_DEG / OFF_DEG * np.linalg.norm(np.array(off) - exact)
     fitted = fit_table(table(), config())
     shifts = angle_error_shifts(fitted.setup, found, fitted.slopes, names=("theta_c",))
     assert shifts[0, 0] == pytest.approx(expected, rel=CURVATURE)
@@ -81,17 +85,9 @@ def test_predicted_shift_is_that_of_azimuths_that_are_off():
     names = ("theta_c", "alpha_star")
     exact = table_of_both()
     found = identified(exact)
-    means = [
-        [np.mean(one.posterior.samples[name]) for name in names]
-        for one in (
-            found,
-            *(
-                identified(table_of_both(OFF_DEG * k))
-                for k in np.eye(BOTH_DEG.shape[1])
-            ),
-        )
-    ]
-    moved = np.linalg.norm(np.array(means[1:]) - means[0], axis=0)
+    errors = OFF_DEG * np.eye(BOTH_DEG.shape[1])
+    off = [means(table_of_both(one), *names) for one in errors]
+    moved = np.linalg.norm(np.array(off) - means(exact, *names), axis=0)
     fitted = fit_table(exact, config())
     shifts = angle_error_shifts(fitted.setup, found, fitted.slopes, names=names)
     expected = COMMON_SD_DEG / OFF_DEG * moved
