@@ -155,15 +155,15 @@ def weighted_draws(target: Target, *, seed: int) -> WeightedDraws:
     if was_enough and found.pareto_k <= HEAVY_PARETO_K:
         return found
     random = np.random.RandomState(np.random.MT19937(rng.integers(2**63)))
-    tried = [found]
-    first = proposal = _mixture(target, found, rng, random)
+    tried, mixtures = [found], []
     for n in range(1, MAX_REFINEMENTS + 1):
+        # The sweep follows ridges far; what is fitted to its draws is nearest to it.
+        mixtures = [*mixtures[:1], _mixture(target, found, rng, random)]
+        proposal = functools.reduce(lambda a, b: a.beside(b), mixtures)
         found = _proposed(target, proposal, random)
         tried.append(replace(found, n_refinements=n))
         if all(draws.is_trusted for draws in tried[-2:]):
             return tried[-1]
-        # The sweep follows ridges far; what is fitted to its draws is nearest to it.
-        proposal = first.beside(_mixture(target, found, rng, random))
     return min(tried, key=lambda draws: (not draws.is_trusted, draws.pareto_k))
 
 
