@@ -23,6 +23,7 @@ from tests.fit.tables import (
     case_table,
     config,
 )
+from tests.oracle.test_exact import log_series_density
 from tests.problems import CASES, PUSH
 from tests.report.makers import make_comparison
 from tests.tolerances import EXACT
@@ -183,15 +184,6 @@ def brute_force_evidence(table, model):
         log_f += stats.norm.logpdf(height, np.hypot(normal, elastic), sd)
     steps = [axis[1] - axis[0] for axis in (ln_A, ln_B, ln_C) if axis.size > 1]
     return special.logsumexp(log_f) + np.sum(np.log(steps))
-
-
-def log_series_density(values, first, second):
-    """Density of the log of two lognormal springs in series, by a plain sum."""
-    t = np.linspace(-25, 25, 4001)
-    first_log = values[:, None] + np.logaddexp(0, t)
-    second_log = values[:, None] + np.logaddexp(0, -t)
-    density = stats.norm.pdf(first_log, *first) * stats.norm.pdf(second_log, *second)
-    return np.log(np.trapezoid(density, t, axis=1))
 
 
 @pytest.mark.parametrize(

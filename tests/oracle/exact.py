@@ -2,10 +2,11 @@
 
 Linear forces see three numbers, so the posterior is a three-dimensional integral and
 the rest of the parameters follow from their prior. Needs no starting point, no chain
-and no convergence diagnostics; where it does not apply, `why_not_exact` says so.
+and no convergence diagnostics. Excluded: all but magnitudes of one azimuth from rest,
+the six parameters with priors of their own, and normal noise that is known.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import jax
@@ -20,20 +21,15 @@ from pushfit.fit.problem.priors.conditional_prior import (
     make_conditional_prior,
 )
 from pushfit.fit.problem.priors.quadrature import draw_from_nodes
-from pushfit.fit.problem.priors.tabulated_density import (
-    LogDensity,
-    TabulatedDensity,
-    tabulate,
-)
+from pushfit.fit.problem.priors.tabulated_density import tabulate
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.setup import Setup
 from pushfit.fit.programs.compile import compiled
 from pushfit.fit.results import FitResult, FitStatus, PosteriorResult
 from tests.oracle import priors
 from tests.oracle.cells import Cells, cell_nodes
-from tests.oracle.integrand import Inner, Integrand, Strip
-from tests.oracle.noise_grid import make_noise_grid
-from tests.oracle.outer import OuterAxis, make_axis
+from tests.oracle.integrand import Inner, Integrand
+from tests.oracle.outer import first_edges
 
 # Relative error of the evidence that stops refinement: far below what 10^6 draws show.
 RTOL = 1e-6
@@ -54,44 +50,17 @@ class ExactGrid:
 
     Args:
         integrand: What was integrated.
-        fibre: Prior of the parameters given A and B.
-        axis: Outer coordinate; None where no combination is free.
-        cells: Outer integral; None likewise.
+        conditional: Prior of the parameters given A and B.
+        cells: Outer integral.
         log_evidence: Log marginal likelihood.
         log_evidence_error: Bound on its error.
     """
 
     integrand: Integrand
-    fibre: ConditionalPrior
-    axis: OuterAxis | None
-    cells: Cells | None
+    conditional: ConditionalPrior
+    cells: Cells
     log_evidence: float
     log_evidence_error: float
-
-
-def why_not_exact(problem: Problem) -> str | None:
-    """Why quadrature does not apply to a problem.
-
-    Args:
-        problem: Problem.
-
-    Returns:
-        The reason in words; None where it applies.
-    """
-    if not problem.names:
-        return "every parameter is fixed, so nothing is left to infer"
-    if problem.grasp.mechanics != "linear":
-        return f"{problem.grasp.mechanics} mechanics depend on more than A, B and C_rr"
-    if "f1" in problem.data_names:
-        return "the stiffness ellipse adds two dimensions"
-    if "ln_F_0" in problem.data_names:
-        return "the estimated preload adds a dimension"
-    if "ln_L" in problem.data_names:
-        return "with two supports and L unknown the heights depend on L as well"
-    is_sampled = any(name.startswith("sigma_") for name in problem.priors)
-    if is_sampled and problem.likelihood != "normal":
-        return "the Student-t likelihood with sampled noise has no sums of squares"
-    return None
 
 
 def exact_posterior(
@@ -102,7 +71,6 @@ def exact_posterior(
     seed: int,
     reference_alpha: float,
     reach: tuple[float, float],
-    rtol: float = RTOL,
 ) -> PosteriorResult:
     """Independent draws from the posterior, and the evidence.
 
@@ -113,63 +81,27 @@ def exact_posterior(
         seed: Seed of the draws.
         reference_alpha: Azimuth of θ_c [rad].
         reach: Lowest and highest azimuth for α* [rad].
-        rtol: Relative error of the evidence at which refinement stops.
 
     Returns:
         Posterior with engine "exact".
     """
     problem = setup.problem
-    grid = exact_grid(setup, fit, rtol=rtol)
+    grid = exact_grid(setup, fit)
     rng = np.random.default_rng(seed)
     x = draw(grid, n_draws, rng)
     x_prior = prior_x_samples(problem, rng, N_PRIOR_DRAWS)
-    return posterior_of_draws(
-        problem,
-        x,
-        prior_samples=samples_mapping(problem, x_prior, reference_alpha, reach),
-        evidence=(grid.log_evidence, grid.log_evidence_error),
-        seed=seed,
-        reference_alpha=reference_alpha,
-        reach=reach,
-    )
-
-
-def posterior_of_draws(
-    problem: Problem,
-    x: Float[np.ndarray, "n p"],
-    *,
-    prior_samples: Mapping[str, Float[np.ndarray, " m"]],
-    evidence: tuple[float, float],
-    seed: int,
-    reference_alpha: float,
-    reach: tuple[float, float],
-) -> PosteriorResult:
-    """What independent draws say, with those from the prior beside them.
-
-    Args:
-        problem: Problem that they are draws of.
-        x: Draws, in sampling coordinates.
-        prior_samples: Draws from the prior, as in `samples_mapping`.
-        evidence: Log marginal likelihood and a bound on its error.
-        seed: Seed of the draws.
-        reference_alpha: Azimuth of θ_c [rad].
-        reach: Lowest and highest azimuth for α* [rad].
-
-    Returns:
-        Posterior with engine "exact".
-    """
-    log_evidence, error = evidence
-    is_settled = np.isfinite(log_evidence) and error < MAX_ERROR
+    error = grid.log_evidence_error
+    is_settled = np.isfinite(grid.log_evidence) and error < MAX_ERROR
     return PosteriorResult(
         samples=samples_mapping(problem, x, reference_alpha, reach),
-        prior_samples=prior_samples,
+        prior_samples=samples_mapping(problem, x_prior, reference_alpha, reach),
         log_prob=np.asarray(_log_probs(problem, jnp.asarray(x))),
         chain=None,
         chain_names=(),
         thin=1,
         engine="exact",
         diagnostics=None,
-        log_evidence=log_evidence,
+        log_evidence=grid.log_evidence,
         log_evidence_error=error,
         seed=seed,
         status=FitStatus.OK if is_settled else FitStatus.MAX_STEPS,
@@ -188,54 +120,32 @@ def exact_grid(setup: Setup, fit: FitResult, *, rtol: float = RTOL) -> ExactGrid
         Nodes, evidence and error bound.
     """
     problem = setup.problem
-    fibre = make_conditional_prior(problem.priors, problem.fixed)
-    tables = {
-        "prior_A": _table(fibre.normal.density()),
-        "prior_B": _table(fibre.tangential.density()),
-        "prior_C": _table(fibre.C_rr),
-    }
+    conditional = make_conditional_prior(problem.priors, problem.fixed)
+    state = problem.data_state(jnp.zeros(len(problem.data_names)))
+    deviance = jnp.sum(problem.residuals(state) ** 2)
     integrand = Integrand(
         problem=problem,
-        noise=make_noise_grid(problem),
-        is_smooth=all(
-            prior.kind != "uniform"
-            for name, prior in problem.priors.items()
-            if name in priors.BEHIND
-        ),
-        is_linear=(
-            _is_linear(problem)
-            and problem.likelihood == "normal"
-            and tables["prior_B"] is not None
-        ),
-        **tables,
+        constant=problem.log_likelihood(state) + deviance / 2,
+        prior_A=tabulate(conditional.normal.density()),
+        prior_B=tabulate(conditional.tangential.density()),
+        prior_C=tabulate(conditional.C_rr),
     )
-    if integrand.pivot == "":
-        zero = jnp.zeros(())
-        log_evidence = float(integrand.log_density(zero, zero, zero))
-        return ExactGrid(
-            integrand=integrand,
-            fibre=fibre,
-            axis=None,
-            cells=None,
-            log_evidence=log_evidence,
-            log_evidence_error=0.0,
-        )
-    axis = make_axis(integrand, fit)
-    cells = _adaptive(integrand, axis, rtol)
+    cells = _adaptive(integrand, first_edges(integrand, fit), rtol)
     error = min(cells.relative_error, 1 - 1e-12)
     return ExactGrid(
         integrand=integrand,
-        fibre=fibre,
-        axis=axis,
+        conditional=conditional,
         cells=cells,
         log_evidence=cells.log_integral,
         log_evidence_error=float(-np.log1p(-error)),
     )
 
 
-def _adaptive(integrand: Integrand, axis: OuterAxis, rtol: float) -> Cells:
+def _adaptive(
+    integrand: Integrand, edges: Float[np.ndarray, " e"], rtol: float
+) -> Cells:
     """Halve the worst cells until the sum of their errors meets the tolerance."""
-    cells = _cells(integrand, axis, axis.edges[:-1], axis.edges[1:])
+    cells = _cells(integrand, edges[:-1], edges[1:])
     for _ in range(MAX_ROUNDS):
         total, errors = np.sum(cells.integrals), cells.errors
         order = np.argsort(errors)
@@ -249,14 +159,13 @@ def _adaptive(integrand: Integrand, axis: OuterAxis, rtol: float) -> Cells:
             break
         low, high = cells.lower[worst], cells.upper[worst]
         middle = (low + high) / 2
-        halves = _cells(integrand, axis, np.r_[low, middle], np.r_[middle, high])
+        halves = _cells(integrand, np.r_[low, middle], np.r_[middle, high])
         cells = cells.replaced(worst, halves)
     return cells
 
 
 def _cells(
     integrand: Integrand,
-    axis: OuterAxis,
     lower: Float[np.ndarray, " k"],
     upper: Float[np.ndarray, " k"],
 ) -> Cells:
@@ -264,7 +173,7 @@ def _cells(
     nodes = cell_nodes(lower, upper)
     values, errors = [], []
     for part, rows in _chunks(nodes.size):
-        inner = _over_C(integrand, axis.points(nodes.ravel()[rows]))
+        inner = _over_C(integrand, jnp.asarray(nodes.ravel()[rows]))
         values.append(np.asarray(inner.log_integral)[part])
         errors.append(np.asarray(inner.error)[part])
     return Cells(
@@ -295,29 +204,10 @@ def draw(
     Returns:
         Sampling coordinates in the order of `Problem.names`.
     """
-    integrand, problem = grid.integrand, grid.integrand.problem
-    if grid.axis is None or grid.cells is None:
-        nodes = jnp.zeros(n_draws)
-        c = a = np.zeros(n_draws)
-    else:
-        u, c, a = _draw_points(grid, n_draws, rng)
-        nodes = grid.axis.points(u)
-    where = (nodes, jnp.asarray(c), jnp.asarray(a))
-    ln_A, ln_B, ln_C, log_sigma = (
-        np.asarray(values) for values in _at_draws(integrand, *where)
-    )
+    u, c, a = _draw_points(grid, n_draws, rng)
     scores = rng.standard_normal((3, n_draws))
-    logs = priors.drawn(grid.fibre, ln_A, ln_B, scores) | {"C_rr": ln_C}
-    for channel, ln_sigma, density in zip(
-        problem.channels,
-        np.asarray(integrand.noise.ln_sigma),
-        np.moveaxis(log_sigma, 1, 0),
-        strict=True,
-    ):
-        rows = np.broadcast_to(ln_sigma, density.shape)
-        uniform = rng.uniform(size=(n_draws, 1))
-        if rows.shape[1] > 1:
-            logs[f"sigma_{channel}"] = draw_from_nodes(rows, density, uniform)[:, 0]
+    logs = priors.drawn(grid.conditional, a, u + c + a, scores) | {"C_rr": c}
+    problem = grid.integrand.problem
     return encode(problem, {name: np.exp(values) for name, values in logs.items()})
 
 
@@ -325,22 +215,20 @@ def _draw_points(
     grid: ExactGrid, n_draws: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Draws of u, ln C_rr and ln A."""
-    assert grid.cells is not None
-    assert grid.axis is not None
     order = np.argsort(grid.cells.lower)
     nodes = grid.cells.nodes[order].ravel()
     log_values = grid.cells.log_values[order].ravel()
     n_nodes = -(-n_draws // DRAWS_PER_NODE)
     strata = (np.arange(n_nodes) + rng.uniform(size=n_nodes)) / n_nodes
     u = draw_from_nodes(nodes[None], log_values[None], strata[None])[0]
-    over_C = _gathered(_over_C, grid, (u,))
+    over_C = _gathered(_over_C, grid.integrand, u)
     c = over_C.coordinates(rng.uniform(size=(n_nodes, DRAWS_PER_NODE)))
     # In random order, so that any part of the draws is a sample of the whole.
     chosen = rng.permutation(n_nodes * DRAWS_PER_NODE)[:n_draws]
     u, c = np.repeat(u, DRAWS_PER_NODE)[chosen], c.ravel()[chosen]
-    over_A = _gathered(_over_A, grid, (u, c))
+    over_A = _gathered(_over_A, grid.integrand, u, c)
     a = over_A.coordinates(rng.uniform(size=(n_draws, 1)))[:, 0]
-    return u, c, u if grid.integrand.pivot == "A" else a
+    return u, c, a
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -368,15 +256,12 @@ class InnerNodes:
 
 
 def _gathered(
-    function: Callable[..., Inner], grid: ExactGrid, arguments: tuple[np.ndarray, ...]
+    function: Callable[..., Inner], integrand: Integrand, *points: np.ndarray
 ) -> InnerNodes:
-    """Inner integrals at outer nodes, chunk by chunk."""
-    assert grid.axis is not None
+    """Inner integrals at points, chunk by chunk."""
     parts = []
-    for part, rows in _chunks(arguments[0].size):
-        nodes = grid.axis.points(arguments[0][rows])
-        rest = [jnp.asarray(values[rows]) for values in arguments[1:]]
-        inner = function(grid.integrand, nodes, *rest)
+    for part, rows in _chunks(points[0].size):
+        inner = function(integrand, *(jnp.asarray(values[rows]) for values in points))
         fields = (inner.t, inner.centre, inner.scale, inner.log_density)
         parts.append([np.asarray(values)[part] for values in fields])
     t, centre, scale, log_density = (
@@ -385,49 +270,18 @@ def _gathered(
     return InnerNodes(t=t, centre=centre, scale=scale, log_density=log_density)
 
 
-def _table(density: LogDensity | float) -> TabulatedDensity | None:
-    return tabulate(density) if isinstance(density, LogDensity) else None
-
-
 @compiled
-def _over_C(integrand: Integrand, nodes: Strip | Float[Array, " n"]) -> Inner:
-    return jax.lax.map(integrand.over_C, nodes, batch_size=BATCH)
+def _over_C(integrand: Integrand, u: Float[Array, " n"]) -> Inner:
+    return jax.lax.map(integrand.over_C, u, batch_size=BATCH)
 
 
 @compiled
 def _over_A(
-    integrand: Integrand, nodes: Strip | Float[Array, " n"], c: Float[Array, " n"]
+    integrand: Integrand, u: Float[Array, " n"], c: Float[Array, " n"]
 ) -> Inner:
-    return jax.vmap(integrand.over_A)(nodes, c)
-
-
-@compiled
-def _at_draws(
-    integrand: Integrand,
-    nodes: Strip | Float[Array, " n"],
-    c: Float[Array, " n"],
-    a: Float[Array, " n"],
-) -> tuple[Array, Array, Array, Array]:
-    """Logs of A, B and C_rr and of the density of every sigma, at drawn points."""
-
-    def one(
-        node: Strip | Array, c: Array, a: Array
-    ) -> tuple[Array, Array, Array, Array]:
-        group = integrand.contact(node, c, a)
-        A, B, C_rr = jnp.log(group.A), jnp.log(group.B), jnp.log(group.C_rr)
-        return A, B, C_rr, integrand.noise_profile(node, c, a)
-
-    return jax.vmap(one)(nodes, c, a)
+    return jax.vmap(integrand.over_A)(u, c)
 
 
 @compiled
 def _log_probs(problem: Problem, x: Float[Array, "n p"]) -> Float[Array, " n"]:
     return jax.vmap(problem.log_prob)(x)
-
-
-def _is_linear(problem: Problem) -> bool:
-    """Whether heights are proportional to A at given ratios."""
-    no_preload = (
-        "ln_F_0" not in problem.data_names and float(problem.grasp.preload) == 0
-    )
-    return no_preload and float(problem.grasp.offset) == 0

@@ -10,7 +10,7 @@ from pushfit.fit.problem.priors.conditional_prior import (
     ConditionalPrior,
     Pair,
 )
-from pushfit.fit.problem.priors.tabulated_density import LogDensity, TabulatedDensity
+from pushfit.fit.problem.priors.tabulated_density import TabulatedDensity
 
 BEHIND = ("K_sn", "K_dn", "K_st", "C_d", "L")
 
@@ -58,14 +58,6 @@ def _both(
     pair: Pair, whole: Float[np.ndarray, " n"], scores: Float[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """Logs of both of a pair, from those of its combination."""
-    n = whole.size
-    a, b = pair.first, pair.second
-    if not isinstance(a, LogDensity):
-        is_fixed = not isinstance(b, LogDensity)
-        second = b if is_fixed else pair.solve(whole, a, is_first=True)[0]
-        return np.full(n, a), np.broadcast_to(second, n)
-    if not isinstance(b, LogDensity):
-        return pair.solve(whole, b, is_first=False)[0], np.full(n, b)
     rows, table = pair.quantiles
     places = [
         (whole - rows[0]) / (rows[-1] - rows[0]) * (rows.size - 1),

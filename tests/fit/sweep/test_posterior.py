@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from arviz_stats.base.array import array_stats
-from scipy import stats
+from scipy import integrate, stats
 
 from benchmarks.inference.agreement import compared
 from benchmarks.tables import prior_problems
@@ -29,12 +29,11 @@ from tests.fit.kinds import KINDS
 from tests.fit.tables import FRICTION_ONLY, case_table, config, setup_of
 from tests.oracle.exact import exact_posterior
 from tests.oracle.test_exact import (
-    CHANNEL,
     FIVE,
     HARD,
     brute_force,
-    sampled_noise_evidence,
     small_setup,
+    without_data,
 )
 from tests.problems import CASES, PUSH
 
@@ -54,6 +53,10 @@ FAR_TAIL = 0.02
 TAIL = 0.15
 # Tables with truths from the priors, and how many may have heavy weights.
 N_PLAIN, FEW_HEAVY = 24, 2
+CHANNEL = {
+    "channels": ("height_tangential",),
+    "theta_deg": np.array([10.0, 20.0, 30.0]),
+}
 # Repeats that are pooled, and rows whose logs are taken together; the others are slow.
 QUICK = ("plain", "student_sampled")
 
@@ -75,14 +78,6 @@ def swept(setup, seed=1):
     return engine.sweep_posterior(setup, seed=seed, **WORDS)
 
 
-def without_data(setup):
-    """The same problem with every entry masked out."""
-    masked = eqx.tree_at(
-        lambda p: p.mask, setup.problem, jnp.zeros_like(setup.problem.mask)
-    )
-    return dataclasses.replace(setup, problem=masked)
-
-
 @pytest.mark.slow
 def test_friction_alone_has_the_posterior_of_linear_regression():
     """Below θ_c the tangential height is A C_rr S_p sin θ: linear in C_rr."""
@@ -95,6 +90,36 @@ def test_friction_alone_has_the_posterior_of_linear_regression():
     mean = (0.24 / 0.01**2 + np.sum(slope * heights) / sigma**2) / precision
     expected = stats.norm(mean, precision**-0.5)
     assert stats.kstest(samples[:N_COUNTED], expected.cdf).pvalue > KS_LEVEL
+
+
+def sampled_noise_evidence(stated=0.0):
+    """A problem with C_rr and σ free beside a stated sd, and its evidence by SciPy.
+
+    Also the 5 % quantile of ln σ: well below a stated sd that says all of the noise.
+    """
+    table = case_table(CASES["paper"], noise=0.01, **CHANNEL)
+    setup = setup_of(table, FRICTION_ONLY + '[noise]\nsigma = "sampled"\n')
+    sd = jnp.where(setup.problem.mask, stated, 0.0)
+    problem = eqx.tree_at(lambda p: p.sd, setup.problem, sd)
+    setup = dataclasses.replace(setup, problem=problem)
+    slope = 400 * PUSH * np.sin(table.theta)
+    heights = table.heights("height_tangential")
+    prior = setup.problem.priors["sigma_height_tangential"]
+    centre, spread = np.log(float(prior.first)), float(prior.second)
+
+    # The prior is normalised over positive C_rr, which 24 standard deviations fill.
+    C_rr, nodes = np.linspace(0.18, 0.30, 2001), np.linspace(-14.0, 0.0, 281)
+
+    def density(ln_sigma):
+        total = np.hypot(stated, np.exp(ln_sigma))
+        noise = stats.norm.logpdf(heights[:, None], np.outer(slope, C_rr), total)
+        prior = stats.norm.logpdf(ln_sigma, centre, spread)
+        return np.exp(noise.sum(axis=0) + prior) * stats.norm.pdf(C_rr, 0.24, 0.01)
+
+    rows = [integrate.simpson(density(node), x=C_rr) for node in nodes]
+    cumulative = integrate.cumulative_simpson(rows, x=nodes, initial=0.0)
+    low = np.interp(0.05 * cumulative[-1], cumulative, nodes)
+    return setup, cumulative[-1], low
 
 
 @pytest.mark.parametrize("stated", [pytest.param(0.0, marks=pytest.mark.slow), 0.01])
