@@ -5,7 +5,7 @@ import dataclasses
 import equinox as eqx
 import numpy as np
 import pytest
-from scipy import special, stats
+from scipy import special
 
 from pushfit.config.rivals import (
     NOISES,
@@ -23,7 +23,7 @@ from tests.fit.tables import (
     case_table,
     config,
 )
-from tests.oracle.test_exact import log_series_density
+from tests.oracle.test_exact import on_grid
 from tests.problems import CASES, PUSH
 from tests.report.makers import make_comparison
 from tests.tolerances import EXACT
@@ -162,26 +162,17 @@ def test_models_are_ranked_as_by_brute_force():
 
 def brute_force_evidence(table, model):
     """Log evidence by sums over the three combinations, default priors."""
-    rotation = (np.log(0.5 / 0.04**2), np.hypot(0.8, 2 * 0.3))
     ln_A, ln_B = np.linspace(5.4, 6.8, 140), np.linspace(0.0, 8.5, 250)
     ln_C = np.linspace(-4.0, 2.5, 160) if model != "no_rolling" else np.zeros(1)
-    log_f = (
-        log_series_density(ln_A, (np.log(800), 0.8), (np.log(2000), 0.8))[:, None, None]
-        + log_series_density(ln_B, (np.log(400), 0.8), rotation)[:, None]
-        + (stats.norm.logpdf(ln_C, np.log(0.3), 0.8) if ln_C.size > 1 else 0.0)
-    )
-    A, B, C = np.exp(np.stack(np.meshgrid(ln_A, ln_B, ln_C, indexing="ij")))
-    for theta, height, sd in zip(
-        table.theta, table.heights("height"), table.sd("height"), strict=True
-    ):
-        normal = A * PUSH * np.sin(theta)
-        elastic, limit = B * PUSH * np.cos(theta), C * normal
-        if model == "hard":
-            elastic = np.minimum(elastic, limit)
-        elif model == "soft":
-            p = SOFT_SHARPNESS
-            elastic = (elastic**-p + limit**-p) ** (-1 / p)
-        log_f += stats.norm.logpdf(height, np.hypot(normal, elastic), sd)
+    pushes = zip(table.theta, table.heights("height"), table.sd("height"), strict=True)
+
+    p = SOFT_SHARPNESS
+    laws = {
+        "hard": np.minimum,
+        "soft": lambda elastic, limit: (elastic**-p + limit**-p) ** (-1 / p),
+        "no_rolling": lambda elastic, _: elastic,
+    }
+    log_f = on_grid((ln_A, ln_B, ln_C), pushes, bounded=laws[model])
     steps = [axis[1] - axis[0] for axis in (ln_A, ln_B, ln_C) if axis.size > 1]
     return special.logsumexp(log_f) + np.sum(np.log(steps))
 

@@ -4,7 +4,7 @@ Everything works on logs of densities: posteriors span hundreds of e-folds. Excl
 what is integrated.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -27,7 +27,7 @@ _RULE = np.concatenate([_HALF * [-1, 1, 1], _MIDDLE, _HALF[::-1]])
 NODES, KRONROD, GAUSS = _RULE.T
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Cells:
     """Integral of a positive function over adjoining intervals.
 
@@ -87,17 +87,11 @@ class Cells:
 
     def replaced(self, which: Int[np.ndarray, " r"], parts: "Cells") -> "Cells":
         """The intervals with some of them replaced by their parts."""
-
-        def merged(name: str) -> np.ndarray:
-            kept = np.delete(getattr(self, name), which, axis=0)
-            return np.concatenate([kept, getattr(parts, name)])
-
-        return Cells(
-            lower=merged("lower"),
-            upper=merged("upper"),
-            log_values=merged("log_values"),
-            inner_error=merged("inner_error"),
+        values, others = (
+            [getattr(c, f.name) for f in fields(Cells)] for c in (self, parts)
         )
+        kept = (np.delete(value, which, axis=0) for value in values)
+        return Cells(*map(np.concatenate, zip(kept, others, strict=True)))
 
 
 def cell_nodes(

@@ -6,7 +6,7 @@ and no convergence diagnostics. Excluded: all but magnitudes of one azimuth from
 the six parameters with priors of their own, and normal noise that is known.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import jax
@@ -15,17 +15,16 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from pushfit.fit.problem.derived import samples_mapping
-from pushfit.fit.problem.encoding import encode, prior_x_samples
+from pushfit.fit.problem.encoding import encode
 from pushfit.fit.problem.priors.conditional_prior import (
     ConditionalPrior,
     make_conditional_prior,
 )
 from pushfit.fit.problem.priors.quadrature import draw_from_nodes
 from pushfit.fit.problem.priors.tabulated_density import tabulate
-from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.setup import Setup
 from pushfit.fit.programs.compile import compiled
-from pushfit.fit.results import FitResult, FitStatus, PosteriorResult
+from pushfit.fit.results import FitResult
 from tests.oracle import priors
 from tests.oracle.cells import Cells, cell_nodes
 from tests.oracle.integrand import Inner, Integrand
@@ -39,9 +38,6 @@ MAX_ROUNDS = 60
 CHUNK, BATCH = 64, 8
 # Draws that share one outer node: nodes are stratified, so few draws of each suffice.
 DRAWS_PER_NODE = 8
-N_PRIOR_DRAWS = 4000
-# An evidence known to better than this moves no printed digit.
-MAX_ERROR = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,6 +59,15 @@ class ExactGrid:
     log_evidence_error: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExactPosterior:
+    """Independent draws by name, the evidence, and a bound on its error."""
+
+    samples: Mapping[str, Float[np.ndarray, " n"]]
+    log_evidence: float
+    log_evidence_error: float
+
+
 def exact_posterior(
     setup: Setup,
     fit: FitResult,
@@ -71,7 +76,7 @@ def exact_posterior(
     seed: int,
     reference_alpha: float,
     reach: tuple[float, float],
-) -> PosteriorResult:
+) -> ExactPosterior:
     """Independent draws from the posterior, and the evidence.
 
     Args:
@@ -81,30 +86,13 @@ def exact_posterior(
         seed: Seed of the draws.
         reference_alpha: Azimuth of θ_c [rad].
         reach: Lowest and highest azimuth for α* [rad].
-
-    Returns:
-        Posterior with engine "exact".
     """
-    problem = setup.problem
     grid = exact_grid(setup, fit)
-    rng = np.random.default_rng(seed)
-    x = draw(grid, n_draws, rng)
-    x_prior = prior_x_samples(problem, rng, N_PRIOR_DRAWS)
-    error = grid.log_evidence_error
-    is_settled = np.isfinite(grid.log_evidence) and error < MAX_ERROR
-    return PosteriorResult(
-        samples=samples_mapping(problem, x, reference_alpha, reach),
-        prior_samples=samples_mapping(problem, x_prior, reference_alpha, reach),
-        log_prob=np.asarray(_log_probs(problem, jnp.asarray(x))),
-        chain=None,
-        chain_names=(),
-        thin=1,
-        engine="exact",
-        diagnostics=None,
+    x = draw(grid, n_draws, np.random.default_rng(seed))
+    return ExactPosterior(
+        samples=samples_mapping(setup.problem, x, reference_alpha, reach),
         log_evidence=grid.log_evidence,
-        log_evidence_error=error,
-        seed=seed,
-        status=FitStatus.OK if is_settled else FitStatus.MAX_STEPS,
+        log_evidence_error=grid.log_evidence_error,
     )
 
 
@@ -171,24 +159,13 @@ def _cells(
 ) -> Cells:
     """Cells with the integrand at their nodes."""
     nodes = cell_nodes(lower, upper)
-    values, errors = [], []
-    for part, rows in _chunks(nodes.size):
-        inner = _over_C(integrand, jnp.asarray(nodes.ravel()[rows]))
-        values.append(np.asarray(inner.log_integral)[part])
-        errors.append(np.asarray(inner.error)[part])
+    inner = _gathered(_over_C, integrand, nodes.ravel())
     return Cells(
         lower=lower,
         upper=upper,
-        log_values=np.concatenate(values).reshape(nodes.shape),
-        inner_error=np.concatenate(errors).reshape(nodes.shape),
+        log_values=inner.log_integral.reshape(nodes.shape),
+        inner_error=inner.error.reshape(nodes.shape),
     )
-
-
-def _chunks(n: int) -> Iterator[tuple[slice, np.ndarray]]:
-    """Rows of each chunk, the last padded by repetition, and which of them count."""
-    for first in range(0, n, CHUNK):
-        rows = np.minimum(np.arange(first, first + CHUNK), n - 1)
-        yield slice(0, min(CHUNK, n - first)), rows
 
 
 def draw(
@@ -222,52 +199,33 @@ def _draw_points(
     strata = (np.arange(n_nodes) + rng.uniform(size=n_nodes)) / n_nodes
     u = draw_from_nodes(nodes[None], log_values[None], strata[None])[0]
     over_C = _gathered(_over_C, grid.integrand, u)
-    c = over_C.coordinates(rng.uniform(size=(n_nodes, DRAWS_PER_NODE)))
+    c = _coordinates(over_C, rng.uniform(size=(n_nodes, DRAWS_PER_NODE)))
     # In random order, so that any part of the draws is a sample of the whole.
     chosen = rng.permutation(n_nodes * DRAWS_PER_NODE)[:n_draws]
     u, c = np.repeat(u, DRAWS_PER_NODE)[chosen], c.ravel()[chosen]
     over_A = _gathered(_over_A, grid.integrand, u, c)
-    a = over_A.coordinates(rng.uniform(size=(n_draws, 1)))[:, 0]
+    a = _coordinates(over_A, rng.uniform(size=(n_draws, 1)))[:, 0]
     return u, c, a
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class InnerNodes:
-    """Inner integrals of many outer nodes, on the host.
-
-    Args:
-        t: Nodes of each.
-        centre: Coordinate at t = 0.
-        scale: Stretch of sinh(t).
-        log_density: Log of the density of t at the nodes.
-    """
-
-    t: Float[np.ndarray, "n m"]
-    centre: Float[np.ndarray, " n"]
-    scale: Float[np.ndarray, " n"]
-    log_density: Float[np.ndarray, "n m"]
-
-    def coordinates(
-        self, uniform: Float[np.ndarray, "n d"]
-    ) -> Float[np.ndarray, "n d"]:
-        """Draws of the coordinate from numbers in (0, 1)."""
-        t = draw_from_nodes(self.t, self.log_density, uniform)
-        return self.centre[:, None] + self.scale[:, None] * np.sinh(t)
+def _coordinates(
+    inner: Inner, uniform: Float[np.ndarray, "n d"]
+) -> Float[np.ndarray, "n d"]:
+    """Draws of the inner coordinate from numbers in (0, 1)."""
+    t = draw_from_nodes(inner.t, inner.log_density, uniform)
+    return inner.centre[:, None] + inner.scale[:, None] * np.sinh(t)
 
 
 def _gathered(
     function: Callable[..., Inner], integrand: Integrand, *points: np.ndarray
-) -> InnerNodes:
-    """Inner integrals at points, chunk by chunk."""
-    parts = []
-    for part, rows in _chunks(points[0].size):
+) -> Inner:
+    """Inner integrals at points, chunk by chunk, the last padded by repetition."""
+    n, parts = points[0].size, []
+    for first in range(0, n, CHUNK):
+        rows = np.minimum(np.arange(first, first + CHUNK), n - 1)
         inner = function(integrand, *(jnp.asarray(values[rows]) for values in points))
-        fields = (inner.t, inner.centre, inner.scale, inner.log_density)
-        parts.append([np.asarray(values)[part] for values in fields])
-    t, centre, scale, log_density = (
-        np.concatenate(values) for values in zip(*parts, strict=True)
-    )
-    return InnerNodes(t=t, centre=centre, scale=scale, log_density=log_density)
+        parts.append(jax.tree.map(lambda a, k=n - first: np.asarray(a)[:k], inner))
+    return jax.tree.map(lambda *several: np.concatenate(several), *parts)
 
 
 @compiled
@@ -280,8 +238,3 @@ def _over_A(
     integrand: Integrand, u: Float[Array, " n"], c: Float[Array, " n"]
 ) -> Inner:
     return jax.vmap(integrand.over_A)(u, c)
-
-
-@compiled
-def _log_probs(problem: Problem, x: Float[Array, "n p"]) -> Float[Array, " n"]:
-    return jax.vmap(problem.log_prob)(x)

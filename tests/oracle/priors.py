@@ -12,8 +12,6 @@ from pushfit.fit.problem.priors.conditional_prior import (
 )
 from pushfit.fit.problem.priors.tabulated_density import TabulatedDensity
 
-BEHIND = ("K_sn", "K_dn", "K_st", "C_d", "L")
-
 
 def end(table: TabulatedDensity) -> Float[Array, ""]:
     """Last grid point."""
@@ -43,7 +41,7 @@ def drawn(
     ln_B: Float[np.ndarray, " n"],
     scores: Float[np.ndarray, "3 n"],
 ) -> dict[str, Float[np.ndarray, " n"]]:
-    """Logs of the parameters `BEHIND` A and B, drawn from the prior given these.
+    """Logs of the parameters behind A and B, drawn from the prior given these.
 
     Args:
         scores: Standard normal numbers that pick the draws.
@@ -51,7 +49,7 @@ def drawn(
     K_sn, K_dn = _both(prior.normal, ln_A, scores[0])
     K_st, rotation = _both(prior.tangential, ln_B, scores[1])
     C_d, L = _both(prior.rotation, rotation, scores[2])
-    return dict(zip(BEHIND, (K_sn, K_dn, K_st, C_d, L), strict=True))
+    return {"K_sn": K_sn, "K_dn": K_dn, "K_st": K_st, "C_d": C_d, "L": L}
 
 
 def _both(

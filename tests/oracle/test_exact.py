@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from pushfit.fit.problem.derived import samples_mapping
+from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.profiles.least_squares import fit_least_squares
 from tests.fit.tables import case_table, setup_of
 from tests.oracle.cells import Cells, cell_nodes
@@ -68,39 +70,48 @@ def log_series_density(values, first, second):
     return np.log(np.trapezoid(density, t, axis=1))
 
 
-def brute_force(setup, samples):
-    """Log evidence and posterior means of ln B and ln C_rr from a dense grid, in NumPy.
+def on_grid(axes, pushes, *, preload=0.0, bounded=np.minimum):
+    """Log of likelihood times prior over a grid of ln A, ln B and ln C_rr, in NumPy.
 
-    The default priors are lognormal, so C_d / L² is lognormal too.
+    The default priors are lognormal, so C_d / L² is lognormal too; that of one value of
+    C_rr is left out.
+
+    Args:
+        pushes: θ [rad], height and its standard deviation of each.
+        bounded: The tangential force from that of the springs and its limit.
     """
+    ln_A, ln_B, ln_C = axes
+    rotation = (np.log(0.5 / 0.04**2), np.hypot(0.8, 2 * 0.3))
+    log_f = (
+        log_series_density(ln_A, (np.log(800), 0.8), (np.log(2000), 0.8))[:, None, None]
+        + log_series_density(ln_B, (np.log(400), 0.8), rotation)[:, None]
+        + (stats.norm.logpdf(ln_C, np.log(0.3), 0.8) if ln_C.size > 1 else 0.0)
+    )
+    A, B, C = np.exp(np.stack(np.meshgrid(*axes, indexing="ij")))
+    for theta, height, sd in pushes:
+        normal = preload + A * PUSH * np.sin(theta)
+        tangential = bounded(B * PUSH * np.cos(theta), C * normal)
+        found = np.hypot(normal, tangential) - preload
+        log_f += stats.norm.logpdf(height, found, sd)
+    return log_f
+
+
+def brute_force(setup, samples):
+    """Log evidence and posterior means of ln B and ln C_rr from a dense grid."""
     axes = []
     for name in ("A", "B", "C_rr"):
         logs = np.log(samples[name])
         margin = 0.35 * np.ptp(logs)
         axes.append(np.linspace(logs.min() - margin, logs.max() + margin, 150))
-    rotation = (np.log(0.5 / 0.04**2), np.hypot(0.8, 2 * 0.3))
-    prior = (
-        log_series_density(axes[0], (np.log(800), 0.8), (np.log(2000), 0.8)),
-        log_series_density(axes[1], (np.log(400), 0.8), rotation),
-        stats.norm.logpdf(axes[2], np.log(0.3), 0.8),
-    )
-    A, B, C = np.exp(np.stack(np.meshgrid(*axes, indexing="ij")))
-    log_f = prior[0][:, None, None] + prior[1][:, None] + prior[2]
     problem = setup.problem
-    for i in np.flatnonzero(np.asarray(problem.mask)[0]):
-        theta = float(problem.pushes.theta[i])
-        preload = float(problem.grasp.preload)
-        normal = preload + A * PUSH * np.sin(theta)
-        tangential = np.minimum(C * normal, B * PUSH * np.cos(theta))
-        log_f += stats.norm.logpdf(
-            float(problem.observed[0, i]),
-            np.hypot(normal, tangential) - preload,
-            float(problem.reference_sigma[0, i]),
-        )
+    columns = (problem.pushes.theta, problem.observed[0], problem.reference_sigma[0])
+    pushes = np.stack(columns, axis=1)[np.asarray(problem.mask)[0]]
+    log_f = on_grid(axes, pushes, preload=float(problem.grasp.preload))
     top = log_f.max()
     f = np.exp(log_f - top)
     step = np.prod([axis[1] - axis[0] for axis in axes])
-    means = [np.sum(f * np.log(values)) / f.sum() for values in (B, C)]
+    _, B, C = np.meshgrid(*axes, indexing="ij")
+    means = [np.sum(f * logs) / f.sum() for logs in (B, C)]
     return np.log(f.sum() * step) + top, means
 
 
@@ -135,8 +146,10 @@ def test_without_data_draws_follow_the_prior():
         reference_alpha=ALPHA,
         reach=REACH,
     )
+    x = prior_x_samples(setup.problem, np.random.default_rng(4), 4000)
+    prior = samples_mapping(setup.problem, x, ALPHA, REACH)
     for name in ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L", "theta_c"):
-        pair = result.samples[name], result.prior_samples[name]
+        pair = result.samples[name], prior[name]
         assert stats.ks_2samp(*pair).pvalue > KS_LEVEL, name
     logs = np.log(result.samples["K_sn"])
     assert stats.kstest(logs, stats.norm(np.log(800), 0.8).cdf).pvalue > KS_LEVEL

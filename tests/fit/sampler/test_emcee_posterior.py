@@ -11,9 +11,7 @@ from pushfit.fit.results import FitStatus
 from pushfit.fit.sampler import emcee_posterior as posterior
 from pushfit.fit.sampler.checkpoint import CheckpointWarning
 from pushfit.fit.sampler.emcee_posterior import Budget, sample_posterior
-from tests.fit.sweep.agreement import z_values
-from tests.fit.tables import case_table, setup_of
-from tests.oracle.exact import exact_posterior
+from tests.fit.tables import FRICTION_ONLY, case_table, setup_of
 from tests.problems import CASES
 from tests.tolerances import MAX_Z
 
@@ -23,9 +21,6 @@ BEST_DRAW = 2.0
 # 1/sqrt(2 ν) is an approximation, and the draws are some hundred independent ones.
 SD_OF_SD = 0.3
 SHORT = Budget(n_ensembles=2, n_walkers=32, max_steps=300)
-FIXED = {"K_sn": 1200, "K_dn": 600, "K_st": 300, "C_d": 0.24, "L": 0.04}
-CONJUGATE = "".join(f"[parameters.{n}]\nfixed = {v}\n" for n, v in FIXED.items())
-CONJUGATE += "[parameters.C_rr]\nnormal = { mean = 0.24, sd = 0.01 }\n"
 
 
 def sample(setup, *, seed=0, alpha=math.pi / 2, **options):
@@ -73,7 +68,7 @@ def test_friction_alone_has_the_posterior_of_linear_regression():
         channels=("height_tangential",),
         theta_deg=np.array([5.0, 10.0, 15.0, 20.0]),
     )
-    result = sample(setup_of(table, CONJUGATE))
+    result = sample(setup_of(table, FRICTION_ONLY))
     slope = 400 * 0.005 * np.sin(table.theta)
     heights, sd = table.heights("height_tangential"), table.sd("height_tangential")
     precision = 1 / 0.01**2 + np.sum((slope / sd) ** 2)
@@ -82,27 +77,6 @@ def test_friction_alone_has_the_posterior_of_linear_regression():
     n = effective_draws(result)
     assert abs(draws.mean() - mean) < MAX_Z / np.sqrt(precision * n)
     assert abs(draws.std() * np.sqrt(precision) - 1) < MAX_Z / np.sqrt(2 * n)
-
-
-def exact(setup):
-    fit = fit_least_squares(setup, reference_alpha=math.pi / 2)
-    return exact_posterior(
-        setup,
-        fit,
-        n_draws=20000,
-        seed=1,
-        reference_alpha=math.pi / 2,
-        reach=REACH,
-    )
-
-
-@pytest.mark.slow
-def test_a_posterior_agrees_with_quadrature(setup):
-    full = sample(setup)
-    assert full.status is FitStatus.OK
-    assert full.diagnostics.problems == ()
-    z = z_values(setup.problem, full, exact(setup), alpha=math.pi / 2, reach=REACH)
-    assert max(map(abs, z.values())) < MAX_Z, z
 
 
 def test_log_prob_belongs_to_its_draw(setup, short):

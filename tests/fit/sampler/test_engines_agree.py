@@ -2,8 +2,7 @@
 
 The two share the model and the priors, but neither coordinates nor method, and
 quadrature needs no start and no convergence: where they differ by more than
-Monte-Carlo error the chain is wrong. One table is in
-`test_emcee_posterior.py`.
+Monte-Carlo error the chain is wrong.
 """
 
 import numpy as np
