@@ -82,10 +82,7 @@ POOLED = (
 def pool_items(
     items: Iterable[Item], find: Callable[[str], Finished | None]
 ) -> tuple[Row, ...]:
-    """Pool what the items of a batch tell.
-
-    Args:
-        items: Items, each content once.
+    """Pool what the items of a batch tell, each content once.
 
     Returns:
         Rows with the cells of `COLUMNS`; none for a quantity with fewer than three

@@ -177,11 +177,8 @@ class Explorer:
 
         The first one counts as asked for, and is in the journal when this returns.
 
-        Args:
-            n: Most pushes to name.
-
         Raises:
-            ConfigError: These are fewer than one.
+            ConfigError: At most `n` are named, and that is less than one.
         """
         if n < 1:
             raise ConfigError(f"ask({n}): ask for one push or more", code="ask")
@@ -267,10 +264,6 @@ class Explorer:
     @checked
     def abandon(self, suggestion: Suggestion, reason: str = ABANDONED) -> None:
         """Say that a push is not to be made; it is never asked again.
-
-        Args:
-            suggestion: The push as it was asked for.
-            reason: Stable word.
 
         Raises:
             DataError: The push is not waited for, or there is no reason.

@@ -7,7 +7,7 @@ Excluded: the section of `grasp.toml` with them (`pushfit.config.explore`).
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from pydantic import ValidationError
 
 from pushfit.arguments import checked
@@ -24,6 +24,7 @@ TOLERATED = 0.01
 ROUNDING = 1e-9
 # Lengths tried, as shares of the push length, while longer ones are not known safe.
 SHARES = (1.0, 0.5, 0.25, 0.1, 0.05)
+Angle = float | Float[np.ndarray, " k"]
 
 
 class Limits(ExploreSection):
@@ -141,31 +142,36 @@ class Limits(ExploreSection):
             length: Length of the push [m].
             azimuths: Reach in azimuth [rad].
         """
-        is_reached = self.reach(theta, alpha, azimuths=azimuths)
-        return is_reached and self.holds(theta, alpha, length=length)
+        one = np.array([[theta, alpha]])
+        is_reached = self.reach(one, azimuths=azimuths)
+        return bool(np.all(is_reached & self.holds(one, length=length)))
 
     def reach(
-        self, theta: float, alpha: float, *, azimuths: tuple[float, float]
-    ) -> bool:
-        """Whether a direction is one that the finger reaches [rad]."""
+        self, directions: Float[np.ndarray, "k 2"], *, azimuths: tuple[float, float]
+    ) -> Bool[np.ndarray, " k"]:
+        """Which directions the finger reaches [rad]."""
+        theta, alpha = directions.T
         low, high = np.radians(self.theta_deg)
         first, last = azimuths
         past = np.mod(alpha - first + ROUNDING, 2 * np.pi)
-        is_within = low - ROUNDING <= theta <= high + ROUNDING
-        return bool(is_within and past <= last - first + 2 * ROUNDING)
+        is_within = (low - ROUNDING <= theta) & (theta <= high + ROUNDING)
+        return is_within & (past <= last - first + 2 * ROUNDING)
 
-    def holds(self, theta: float, alpha: float, *, length: float) -> bool:
-        """Whether a push of a length [m] ends in the workspace."""
+    def holds(
+        self, directions: Float[np.ndarray, "k 2"], *, length: float
+    ) -> Bool[np.ndarray, " k"]:
+        """Which pushes of a length [m] end in the workspace."""
         if self.workspace_mm is None:
-            return True
+            return np.ones(len(directions), dtype=bool)
+        theta, alpha = directions.T
         tip = 1e3 * tip_displacement(theta, alpha, length)
-        least, most = np.transpose(self.workspace_mm)
-        return bool(np.all((least - ROUNDING <= tip) & (tip <= most + ROUNDING)))
+        least, most = np.transpose(self.workspace_mm)[..., None]
+        return np.all((least - ROUNDING <= tip) & (tip <= most + ROUNDING), axis=0)
 
 
 def tip_displacement(
-    theta: float, alpha: float, length: float
-) -> Float[np.ndarray, "3"]:
+    theta: Angle, alpha: Angle, length: float
+) -> Float[np.ndarray, "3 ..."]:
     """Where a push takes the fingertip, from the contact.
 
         OP = S_p (cos θ cos α, cos θ sin α, sin θ)

@@ -68,20 +68,20 @@ def predict(
 
 
 def least_height(belief: Belief, push: Suggestion, *, prob: float) -> float:
-    """Height that a push falls short of with a small probability.
-
-    Args:
-        prob: That probability.
-
-    Returns:
-        Of components the magnitude [unit].
-    """
+    """Height that a push falls short of with a probability; of components its size."""
     theta, alpha = np.array([push.theta]), np.array([push.alpha])
     found = predict(belief, theta, alpha, length_share=push.length_share)
     sizes = np.linalg.norm(found.heights[0], axis=0)
-    order = np.argsort(sizes)
-    below = np.searchsorted(np.cumsum(belief.weights[order]), prob)
-    return float(sizes[order[min(int(below), order.size - 1)]])
+    return weighted_quantile(sizes, belief.weights, prob)
+
+
+def weighted_quantile(
+    values: Float[np.ndarray, " n"], weights: Float[np.ndarray, " n"], prob: float
+) -> float:
+    """Value that draws whose weights sum to 1 stay below with a probability."""
+    order = np.argsort(values)
+    place = int(np.searchsorted(np.cumsum(weights[order]), prob))
+    return float(values[order[min(place, order.size - 1)]])
 
 
 def force_of(params: Parameters, grasp: Grasp, *, theta: float, alpha: float) -> float:

@@ -6,13 +6,12 @@ the course of an exploration (`pushfit.explore.explorer`).
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from pushfit.explore.belief.belief import Belief, Question
-from pushfit.explore.belief.predict import Predicted, predict
+from pushfit.explore.belief.predict import Predicted, predict, weighted_quantile
 from pushfit.explore.decide.gain import Outlook, information_gain, outlook
 from pushfit.explore.decide.intervals import AskedAngle
 from pushfit.explore.limits import SHARES, TOLERATED, Limits
@@ -85,7 +84,6 @@ class Surveyor:
         self._azimuths = limits.azimuths(question.config)
         self._samples: object = None
         self._predicted: dict[float, Predicted] = {}
-        self._outside: dict[tuple[float, int], dict[str, Bool[np.ndarray, " k"]]] = {}
 
     def survey(
         self,
@@ -155,23 +153,6 @@ class Surveyor:
             self._predicted[share] = predict(belief, theta, alpha, length_share=share)
         return self._predicted[share]
 
-    def _outside_of(
-        self, directions: Float[np.ndarray, "k 2"], length: float
-    ) -> dict[str, Bool[np.ndarray, " k"]]:
-        """Which candidates lie beyond the reach, and which beyond the workspace."""
-        key = length, len(directions)
-        if key not in self._outside:
-            reach = partial(self.limits.reach, azimuths=self._azimuths)
-            holds = partial(self.limits.holds, length=length)
-            ends = np.degrees(self._azimuths)
-            beyond = f"beyond the azimuths {ends[0]:g}° to {ends[1]:g}° of the reach"
-            rows = directions.tolist()
-            self._outside[key] = {
-                beyond: np.array([not reach(*row) for row in rows]),
-                "out of the workspace": np.array([not holds(*row) for row in rows]),
-            }
-        return self._outside[key]
-
     def _screen(
         self,
         belief: Belief,
@@ -186,11 +167,16 @@ class Surveyor:
         lifts_off, is_strong = nowhere, nowhere
         if not np.all(predicted.in_contact):
             lifts_off = (~predicted.in_contact) @ weights > TOLERATED
-        limit = self.limits.force
+        limits, limit = self.limits, self.limits.force
         if limit is not None:
             is_strong = (predicted.force > limit) @ weights > TOLERATED
+        first, last = np.degrees(self._azimuths)
+        length = share * float(belief.grasp.push_length)
         return {
-            **self._outside_of(directions, share * float(belief.grasp.push_length)),
+            f"beyond the azimuths {first:g}° to {last:g}° of the reach": ~limits.reach(
+                directions, azimuths=self._azimuths
+            ),
+            "out of the workspace": ~limits.holds(directions, length=length),
             "might lift the finger off": lifts_off,
             f"{FORCE} of {limit or 0:g}": is_strong,
             "abandoned": are_among(directions, abandoned),
@@ -301,9 +287,7 @@ def _gains(
 
 def _q99(force: Float[np.ndarray, " n"], weights: Float[np.ndarray, " n"]) -> float:
     """Force that is exceeded with 1 % probability."""
-    order = np.argsort(force)
-    above = np.searchsorted(np.cumsum(weights[order]), 1 - TOLERATED)
-    return float(force[order[min(int(above), order.size - 1)]])
+    return weighted_quantile(force, weights, 1 - TOLERATED)
 
 
 def _least_limit(

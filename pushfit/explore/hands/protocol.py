@@ -38,14 +38,12 @@ class PushOutcome:
         reached: Displacement at its end, from the contact [m].
         t_start: When the finger began to move, on the clock of the samples [s].
         t_end: When it was back, or had stopped [s].
-        text: What the position node has to say.
     """
 
     status: PushStatus
     reached: Float[np.ndarray, "3"]
     t_start: float
     t_end: float
-    text: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

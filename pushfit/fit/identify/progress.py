@@ -106,11 +106,7 @@ class Stages:
         self.within(name, 0.0)
 
     def within(self, stage: str, share: float) -> None:
-        """Say that so much of the stage that began last is done.
-
-        Args:
-            share: Share of it.
-        """
+        """Say which share of the stage that began last is done."""
         if self._told is not None:
             done = self._done + share * self._usual([self._now] if self._now else [])
             self._told(stage, min(1.0, done / self._usual(self._names)))

@@ -60,7 +60,6 @@ class Population:
         outliers: Items that the rest of the population does not predict.
         not_usable: Items that are left out, because too few of their draws lie where
             the population is.
-        n_missing: Items left out, because φ has no value in much of their posterior.
         is_edge_reached: Whether the grid holds too little of the posterior.
     """
 
@@ -72,7 +71,6 @@ class Population:
     effective_draws: float
     outliers: tuple[str, ...]
     not_usable: tuple[str, ...]
-    n_missing: int
     is_edge_reached: bool
 
 
@@ -117,7 +115,6 @@ def pool(items: Sequence[ItemDraws], *, scale: float) -> Population | None:
         effective_draws=float(np.min(effective[is_used])),
         outliers=tuple(names[is_used][is_outlying]),
         not_usable=tuple(names[~is_used]),
-        n_missing=len(items) - len(present),
         is_edge_reached=grid.edge > MAX_EDGE,
     )
 

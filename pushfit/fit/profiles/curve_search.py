@@ -73,13 +73,7 @@ class Fits(eqx.Module):
 
 
 class Met(eqx.Module):
-    """What a round ended with.
-
-    Args:
-        ends: Where its searches ended.
-        fits: The same as fits.
-        number: Of the round.
-    """
+    """Where the searches of a numbered round ended, also as fits."""
 
     ends: Expansion
     fits: Fits

@@ -38,22 +38,17 @@ def implied_profiles(
         Profiles by name, on an empty grid for parameters that the data do not bound.
     """
     fixed = {name: float(value) for name, value in problem.fixed.items()}
-    found = {}
-    for name, partner in (("K_sn", "K_dn"), ("K_dn", "K_sn")):
-        if name not in fixed and "A" in profiles:
-            map_, is_bound = (
-                _partner_of_series(fixed.get(partner)),
-                partner not in fixed,
-            )
-            found[name] = _mapped(
-                name, profiles["A"], map_, is_bound, unit_of(name, newton)
-            )
-    if "B" in profiles:
-        for name, (map_, is_bound) in _tangential(fixed).items():
-            found[name] = _mapped(
-                name, profiles["B"], map_, is_bound, unit_of(name, newton)
-            )
-    return found
+    relations = [
+        (name, "A", _partner_of_series(fixed.get(partner)), partner not in fixed)
+        for name, partner in (("K_sn", "K_dn"), ("K_dn", "K_sn"))
+        if name not in fixed
+    ]
+    relations += [(name, "B", *how) for name, how in _tangential(fixed).items()]
+    return {
+        name: _mapped(name, profiles[of], map_, is_bound, unit_of(name, newton))
+        for name, of, map_, is_bound in relations
+        if of in profiles
+    }
 
 
 def _partner_of_series(other: float | None) -> Map:

@@ -129,11 +129,7 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
 
 
 class _Once(Generic[R]):
-    """What is made when it is first asked for, by one thread for all.
-
-    Args:
-        make: Makes it.
-    """
+    """What is made when it is first asked for, by one thread for all."""
 
     def __init__(self, make: Callable[[], R]) -> None:
         """Make nothing yet."""

@@ -133,14 +133,14 @@ def test_an_item_whose_prior_hides_the_population_is_not_usable():
     assert found.mean == alone.mean
 
 
-def test_items_without_a_value_are_left_out_and_counted():
+def test_items_without_a_value_are_left_out():
     items = items_at([1.0, 1.1, 0.9, 1.2], 0.1)
     draws = items[3].draws.copy()
     draws[:40] = np.nan
     items[3] = ItemDraws(name="never", draws=draws, log_prior=items[3].log_prior)
     found = pool(items, scale=SCALE)
     assert found is not None
-    assert (found.n_items, found.n_missing) == (3, 1)
+    assert found.n_items == 3
     assert pool(items[1:], scale=SCALE) is None
 
 

@@ -90,14 +90,13 @@ class RosHand:
         goal.header.stamp, goal.header.frame_id = stamp, "push"
         goal.vector.x, goal.vector.y, goal.vector.z = map(float, displacement)
         self._push.publish(goal)
-        status, text = self._wait_for_end(stamp)
+        status = self._wait_for_end(stamp)
         key = stamp.to_sec()
         return PushOutcome(
             status=status,
             reached=self._reached.get(key, np.zeros(3)),
             t_start=key,
             t_end=r.rospy.Time.now().to_sec(),
-            text=text,
         )
 
     def retract(self) -> None:
@@ -169,7 +168,7 @@ class RosHand:
         """Where the finger can push."""
         return self._reach
 
-    def _wait_for_end(self, stamp: object) -> tuple[PushStatus, str]:
+    def _wait_for_end(self, stamp: object) -> PushStatus:
         """Wait for the end of a push, and for no longer than is safe."""
         key = stamp.to_sec()  # pyright: ignore
         begun = looked = time.monotonic()
@@ -189,18 +188,18 @@ class RosHand:
                         )
                 if now - max(self._heard, begun) > SILENCE:
                     self.stop()
-                    return PushStatus.STALE_STREAM, "the touch node is silent"
+                    return PushStatus.STALE_STREAM
                 if now - max(self._answered, begun) > SILENCE:
                     raise self._lost()
                 if now - begun > PATIENCE:
                     self.stop()
-                    return PushStatus.NO_ANSWER, "the push came to no end"
+                    return PushStatus.NO_ANSWER
             code, text = self._status[key]
         done = ros().actionlib_msgs.GoalStatus.SUCCEEDED
         if code == done:
-            return PushStatus.DONE, text
+            return PushStatus.DONE
         words = {status.value for status in PushStatus}
-        return PushStatus(text if text in words else "cancelled"), text
+        return PushStatus(text if text in words else "cancelled")
 
     def _has_ended(self, key: float) -> bool:
         """Whether a push was answered, and how far it went: these are two messages."""
