@@ -23,7 +23,7 @@ except ImportError:
     pypesto = None
 
 import pushfit
-from pushfit.report.text.result import sentence_theta_c
+from pushfit.report.answers import theta_c_answer
 
 PUSH_LENGTH = 0.005
 TRUTH = {
@@ -172,7 +172,7 @@ def by_pushfit(frame: pd.DataFrame) -> str:
     config = {"push": {"length_mm": 5.0}}
     found = pushfit.identify(frame, config=config)
     verdict = found.params["K_sn"].verdict.value
-    return f"{sentence_theta_c(found)} K_sn: {verdict}."
+    return f"{theta_c_answer(found).sentence} K_sn: {verdict}."
 
 
 def main() -> None:

@@ -234,9 +234,6 @@ class Result(Identification):
 def load(folder: str | Path) -> Result:
     """A result that `save` or `--out` wrote.
 
-    Args:
-        folder: Folder of a result.
-
     Returns:
         The result with what may be quoted of it, and files of its exploration.
 

@@ -47,20 +47,13 @@ def study_text(study: CoverageStudy) -> str:
 
 def study_dict(study: CoverageStudy) -> dict[str, Json]:
     """The same as one JSON-safe document."""
+    names = ("n_tables", "n_failed", "n_pushes", "engine", "seed")
+    found = ("share", "limits", "is_compatible")
     content = {
         "schema": SCHEMA,
-        "n_tables": study.n_tables,
-        "n_failed": study.n_failed,
-        "n_pushes": study.n_pushes,
-        "engine": study.engine,
-        "seed": study.seed,
+        **{name: getattr(study, name) for name in names},
         "coverage": [
-            asdict(coverage)
-            | {
-                "share": coverage.share,
-                "limits": coverage.limits,
-                "is_compatible": coverage.is_compatible,
-            }
+            asdict(coverage) | {name: getattr(coverage, name) for name in found}
             for coverage in study.coverages
         ],
         "verdicts": {

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from pushfit.fit.results import FitStatus, Identification, Quantity
-from pushfit.report.answers import alpha_star_answer, theta_c_answer
+from pushfit.report.answers import ANSWERS
 from pushfit.report.fact_rows import (
     SEE_SET,
     UNQUOTED,
@@ -29,16 +29,6 @@ from pushfit.report.strings import printable, symbol
 MIN_WIDTH = 20
 # Spaces between two columns.
 COLUMN_GAP = 2
-
-
-def sentence_theta_c(identification: Identification) -> str:
-    """One plain sentence on the critical angle."""
-    return theta_c_answer(identification).sentence
-
-
-def sentence_alpha_star(identification: Identification) -> str:
-    """One plain sentence on the best push direction."""
-    return alpha_star_answer(identification).sentence
 
 
 def render_text(identification: Identification, *, width: int = 80) -> str:
@@ -69,8 +59,7 @@ def render_text(identification: Identification, *, width: int = 80) -> str:
     sections = [
         _heading(identification, width),
         *(_section(title, body, width) for title, body in bodies.items() if body),
-        _wrap(sentence_theta_c(identification), width),
-        _wrap(sentence_alpha_star(identification), width),
+        *(_wrap(answer(identification).sentence, width) for answer in ANSWERS.values()),
     ]
     return "\n\n".join(sections) + "\n"
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from pushfit.fit.results import Mode
+from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.json_values import from_json, json_safe
 from pushfit.report.store.summary import summary_dict
 from pushfit.report.store.summary_schema import summary_schema
-from pushfit.report.text.result import sentence_alpha_star, sentence_theta_c
 
 # What readers of results rely on. Where it changes and is meant to, it is written anew:
 # what `python -m pushfit.report.store.summary_schema` prints.
@@ -58,8 +58,8 @@ def test_the_sentences_are_those_of_the_text(any_identification):
     sentences = summary_dict(any_identification)["sentences"]
     assert sentences == json_safe(
         {
-            "theta_c": sentence_theta_c(any_identification),
-            "alpha_star": sentence_alpha_star(any_identification),
+            "theta_c": theta_c_answer(any_identification).sentence,
+            "alpha_star": alpha_star_answer(any_identification).sentence,
         }
     )
 

@@ -10,14 +10,10 @@ from pushfit.config import GraspConfig
 from pushfit.fit.assess.reporting_rules import reported
 from pushfit.fit.assess.verdicts import angle_quantity
 from pushfit.fit.results import FitStatus, ResultWarning, Verdict
-from pushfit.report.answers import alpha_star_answer, theta_c_answer
+from pushfit.report.answers import ANSWERS, alpha_star_answer, theta_c_answer
 from pushfit.report.fact_rows import angle_rows
 from pushfit.report.frames import correlations, result_frame
-from pushfit.report.text.result import (
-    render_text,
-    sentence_alpha_star,
-    sentence_theta_c,
-)
+from pushfit.report.text.result import render_text
 from tests.report.makers import make_angle, make_answer
 from tests.tolerances import EXACT, MAX_Z
 
@@ -28,7 +24,7 @@ INTERVAL = re.compile(r"±|\d°? to \d")
 
 
 def test_a_determined_angle_is_quoted_with_its_interval(determined):
-    assert sentence_theta_c(determined) == (
+    assert theta_c_answer(determined).sentence == (
         "The critical angle θ_c for pushes at α = 90° is 40.1° "
         "(90 % interval: 38.1° to 42.1°)."
     )
@@ -38,7 +34,7 @@ def test_the_angle_of_an_object_that_tilts_is_quoted_with_the_push_length(
     make_identification,
 ):
     both = (make_answer("tilting"), make_answer("linear"))
-    sentence = sentence_theta_c(make_identification(by_mechanics=both))
+    sentence = theta_c_answer(make_identification(by_mechanics=both)).sentence
     assert sentence.startswith("The critical angle θ_c for pushes of 5 mm at α = 90°")
 
 
@@ -61,7 +57,7 @@ def test_a_wide_interval_is_given_without_a_middle(make_identification):
     result = make_identification(theta_c=wide)
     assert result.theta_c.verdict is Verdict.WIDE
     assert result.theta_c.estimate is None
-    sentence = sentence_theta_c(result)
+    sentence = theta_c_answer(result).sentence
     assert "is 12° to 71° (90 % interval), which is wider than was wanted" in sentence
     wish = GraspConfig(push={"length_mm": 5.0}, report={"wanted_width_deg": 60.0})
     content = make_identification(theta_c=wide, config=wish).theta_c
@@ -101,27 +97,27 @@ def test_an_evidence_that_rounds_to_nothing_has_no_sign(make_identification):
 
 
 def test_two_modes_are_named_both_and_never_their_hull(two_modes):
-    sentence = sentence_theta_c(two_modes)
+    sentence = theta_c_answer(two_modes).sentence
     assert "40° or 56°" in sentence
     assert "38.4° to 41.6° or 54.4° to 57.6°" in sentence
     assert "38.6" not in sentence
 
 
 def test_one_sided_data_give_a_bound(one_sided):
-    sentence = sentence_theta_c(one_sided)
+    sentence = theta_c_answer(one_sided).sentence
     assert "above 61°" in sentence
     assert not INTERVAL.search(sentence)
 
 
 def test_what_is_not_determined_is_said_with_the_reason(not_determined):
-    sentence = sentence_theta_c(not_determined)
+    sentence = theta_c_answer(not_determined).sentence
     assert "not determined by these data: all pushes have the elevation 15°" in sentence
     assert not INTERVAL.search(sentence)
 
 
 def test_without_a_note_the_missing_directions_are_the_reason(theta_only):
     alpha_star = replace(theta_only.alpha_star, note="")
-    sentence = sentence_alpha_star(replace(theta_only, alpha_star=alpha_star))
+    sentence = alpha_star_answer(replace(theta_only, alpha_star=alpha_star)).sentence
     assert "the pushes have only 1 azimuth, and at least 3 are needed" in sentence
 
 
@@ -131,7 +127,8 @@ def test_without_a_note_the_missing_directions_are_the_reason(theta_only):
 def test_untrusted_numerics_quote_no_number_of_the_posterior(determined, status):
     by_model = replace(determined, status=status, alpha_star_model_free=None)
     result = reported(by_model)
-    for sentence in (sentence_theta_c(result), sentence_alpha_star(result)):
+    for answer in ANSWERS.values():
+        sentence = answer(result).sentence
         assert status.value in sentence
         assert not INTERVAL.search(sentence)
     parameters = render_text(result).split("Parameters\n")[1].split("Correlations")[0]
@@ -141,7 +138,7 @@ def test_untrusted_numerics_quote_no_number_of_the_posterior(determined, status)
 def test_numerics_take_nothing_from_what_no_model_was_needed_for(determined):
     """A cosine through the heights alone has its minimum at 66.0°, within 2°."""
     result = reported(replace(determined, status=FitStatus.NOT_CONVERGED))
-    sentence = sentence_alpha_star(result)
+    sentence = alpha_star_answer(result).sentence
     assert sentence.endswith(
         "A cosine through the heights alone gives 66.0° (64.0° to 68.0°)."
     )
@@ -151,7 +148,7 @@ def test_an_unconverged_posterior_is_untrusted_even_if_the_result_forgot_to_say_
     not_converged,
 ):
     result = replace(not_converged, status=FitStatus.OK)
-    assert "has not converged" in sentence_theta_c(result)
+    assert "has not converged" in theta_c_answer(result).sentence
 
 
 def test_no_interval_is_ever_of_zero_width(make_identification):
@@ -160,7 +157,7 @@ def test_no_interval_is_ever_of_zero_width(make_identification):
         alpha_star=at_the_end,
         config=GraspConfig(push={"length_mm": 5.0}, reach={"alpha_deg": (0.0, 150.0)}),
     )
-    sentence = sentence_alpha_star(result)
+    sentence = alpha_star_answer(result).sentence
     assert sentence.startswith("The best push direction α* is 150°. It is the end of")
     assert not INTERVAL.search(sentence)
 
@@ -169,7 +166,7 @@ def test_an_axis_across_180_degrees_is_one_interval(make_identification):
     axis = make_angle(
         "alpha_star", 178.0, interval=(174.0, 183.0), sets=((174.0, 183.0),)
     )
-    sentence = sentence_alpha_star(make_identification(alpha_star=axis))
+    sentence = alpha_star_answer(make_identification(alpha_star=axis)).sentence
     assert "178.0° (90 % interval: 174.0° to 180° and on to 3.0°)" in sentence
 
 
@@ -183,7 +180,7 @@ def test_the_model_free_direction_is_compared_on_the_circle(
         alpha_star=make_angle("alpha_star", 179.5),
         alpha_star_model_free=make_angle("alpha_star", free),
     )
-    assert f"alone {word}" in sentence_alpha_star(result)
+    assert f"alone {word}" in alpha_star_answer(result).sentence
 
 
 def test_a_cosine_through_pushes_that_roll_does_not_disagree(make_identification):
@@ -192,7 +189,7 @@ def test_a_cosine_through_pushes_that_roll_does_not_disagree(make_identification
         alpha_star_model_free=make_angle("alpha_star", 155.0),
         warnings=(ResultWarning(code="alpha_star_of_rolling_pushes", text=""),),
     )
-    sentence = sentence_alpha_star(result)
+    sentence = alpha_star_answer(result).sentence
     assert "differs, as pushes that roll meet most resistance along α*" in sentence
 
 
@@ -207,7 +204,7 @@ def test_a_sweep_of_the_azimuth_below_the_critical_angle_is_named(
     result = make_identification(
         theta_c=make_angle("theta_c", theta_c), alpha_star=axis
     )
-    sentence = sentence_alpha_star(result)
+    sentence = alpha_star_answer(result).sentence
     assert "no preferred direction" in sentence
     assert ("at θ = 60°, which is below θ_c" in sentence) is is_said
 
@@ -219,13 +216,16 @@ def test_a_contact_that_never_rolls_has_no_critical_angle(determined):
         "theta_c", posterior, determined.profiles["theta_c"], prob=0.9
     )
     result = reported(replace(determined, posterior=posterior, theta_c=theta_c))
-    sentence = sentence_theta_c(result)
+    sentence = theta_c_answer(result).sentence
     assert "does not exist: this contact never rolls" in sentence
     assert "without the heights" not in sentence
     # As of a preload, and a friction of which the heights tell nothing.
     before = dict(posterior.prior_samples) | {"theta_c": draws["theta_c"]}
     known = replace(posterior, prior_samples=before)
-    assert "without the heights" in sentence_theta_c(replace(result, posterior=known))
+    assert (
+        "without the heights"
+        in theta_c_answer(replace(result, posterior=known)).sentence
+    )
     # The likelihood of those that roll is not said beside it.
     assert dict(angle_rows(result))["θ_c"] == "does not exist"
 
@@ -237,7 +237,7 @@ def test_a_few_draws_that_never_roll_are_no_reason(share, is_why, determined):
     posterior = replace(determined.posterior, samples=draws)
     theta_c = angle_quantity("theta_c", posterior, None, prob=0.9)
     result = reported(replace(determined, posterior=posterior, theta_c=theta_c))
-    sentence = sentence_theta_c(result)
+    sentence = theta_c_answer(result).sentence
     assert "not determined by these data" in sentence
     assert (f"{share:.1%} of the posterior never rolls" in sentence) is is_why
 
@@ -274,7 +274,7 @@ def test_an_inadequate_model_is_the_first_thing_said(inadequate):
     assert render_text(inadequate).startswith(
         "The model does not describe these heights"
     )
-    sentence = sentence_theta_c(inadequate)
+    sentence = theta_c_answer(inadequate).sentence
     assert sentence.startswith("Not to be relied on, because the model does not fit")
     assert "would be 40° if it did" in sentence
     assert not INTERVAL.search(sentence)
@@ -302,7 +302,9 @@ def test_untrusted_numerics_are_the_first_thing_said(not_converged):
 def test_the_report_ends_with_one_sentence_on_each_angle(determined):
     last = " ".join(render_text(determined).split())
     assert last.endswith(
-        sentence_theta_c(determined) + " " + sentence_alpha_star(determined)
+        theta_c_answer(determined).sentence
+        + " "
+        + alpha_star_answer(determined).sentence
     )
 
 
