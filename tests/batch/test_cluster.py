@@ -22,13 +22,6 @@ NAMES = [f"t{k:02d}" for k in range(24)]
 
 
 @pytest.fixture
-def log(tmp_path, monkeypatch):
-    path = tmp_path / "log.txt"
-    monkeypatch.setenv(fake.LOG, str(path))
-    return lambda: path.read_text().split() if path.exists() else []
-
-
-@pytest.fixture
 def runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     return write_tables(tmp_path / "runs", *NAMES)

@@ -27,14 +27,6 @@ from tests.batch.makers import HEADER, outputs, read_csv, table_text, write_tabl
 
 
 @pytest.fixture
-def log(tmp_path, monkeypatch):
-    """Names of the tables that were computed, in order."""
-    path = tmp_path / "log.txt"
-    monkeypatch.setenv(fake.LOG, str(path))
-    return lambda: path.read_text().split() if path.exists() else []
-
-
-@pytest.fixture
 def runs(tmp_path, monkeypatch):
     """A working folder with three tables in `runs`."""
     monkeypatch.chdir(tmp_path)

@@ -17,7 +17,7 @@ from pushfit.report.store.summary import summary_dict
 from pushfit.report.text.result import render_text
 from tests.fit.tables import HARD, TOML
 from tests.problems import CASES
-from tests.report.store.test_read import leave_out_figures
+from tests.report.makers import leave_out_figures
 
 CASE = CASES["paper"]
 KNOWN = {"K_dn": 600.0, "K_st": 300.0, "C_d": 0.24, "L": 0.04}

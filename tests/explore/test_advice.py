@@ -9,22 +9,12 @@ from pushfit.explore.advice import with_next_push
 from pushfit.explore.explorer import Explorer
 from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.results import Verdict
-from tests.fit.tables import case_table, config
-from tests.problems import CASES
-
-LOW_DEG = np.arange(5.0, 61.0, 5.0)
+from tests.fit.tables import LOW_DEG, config, one_sided_table
 
 
 @pytest.fixture(scope="module")
 def one_sided():
-    """θ_c = 72° and no push above 60°, seen by a sensor of both components."""
-    table = case_table(
-        CASES["one_sided"],
-        noise=0.03,
-        theta_deg=LOW_DEG,
-        channels=("height_normal", "height_tangential"),
-    )
-    return identify_table(table, config(), seed=1, engine="sweep")
+    return identify_table(one_sided_table(), config(), seed=1, engine="sweep")
 
 
 def test_the_push_that_would_help_is_that_of_the_explorer(one_sided):

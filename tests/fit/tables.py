@@ -24,6 +24,8 @@ NORMAL = '[noise]\nlikelihood = "normal"\n'
 # for more pushes, as every length has programs of its own.
 SEVEN_DEG = np.arange(10.0, 83.0, 12.0)
 
+LOW_DEG = np.arange(5.0, 61.0, 5.0)
+
 FIXED = {"K_sn": 1200, "K_dn": 600, "K_st": 300, "C_d": 0.24, "L": 0.04}
 # With the truth of the case "paper" for all but C_rr, the tangential height of a push
 # below θ_c is A C_rr S_p sin θ: linear in the only free parameter.
@@ -78,18 +80,24 @@ def case_table(
 
 def without_sd(table: PeakTable) -> PeakTable:
     """The same heights, nothing said of their noise."""
-    return PeakTable.from_arrays(
-        theta=table.theta,
-        alpha=table.alpha,
-        heights={name: table.heights(name) for name in table.channels},
-        unit=table.unit,
-    )
+    names = [f"{channel}_sd_{table.unit}" for channel in table.channels]
+    return PeakTable.from_frame(table.frame.drop(columns=names, errors="ignore"))
 
 
 def tables_of_the_prior(n: int) -> tuple[PeakTable, ...]:
     """One sweep of 17 elevations, thrice, pushed on grasps drawn from the prior."""
     fitted = fit_table(case_table(CASES["firm"], noise=0.03), config())
     return simulate_tables(fitted, n, np.random.default_rng(0)).tables
+
+
+def one_sided_table() -> PeakTable:
+    """θ_c = 72° and no push above 60°, seen by a sensor of both components."""
+    return case_table(
+        CASES["one_sided"],
+        noise=0.03,
+        theta_deg=LOW_DEG,
+        channels=("height_normal", "height_tangential"),
+    )
 
 
 def setup_of(table: PeakTable, text: str = "") -> Setup:

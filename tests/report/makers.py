@@ -32,6 +32,8 @@ from pushfit.fit.results import (
     ResultWarning,
     Verdict,
 )
+from pushfit.report.html import result as html
+from pushfit.report.store import folder
 
 PUSH_LENGTH = 0.005
 TRUTH = {
@@ -45,6 +47,15 @@ TRUTH = {
 A, B = 520.0, 77.0
 N_DRAWS = 2000
 HOSTILE = "<script>alert(1)</script>\x1b[31m\u202e'\"&{{7*7}}$\\frac$\n../x"
+
+
+def leave_out_figures(patch):
+    """Folders and pages without figures."""
+    patch.setattr(folder, "figure_files", lambda _, **__: {})
+    patch.setattr(folder, "render_html", lambda _, **__: "")
+    patch.setattr(html, "figure_files", lambda _, **__: {})
+    patch.setattr(html, "main_figure", lambda _, **__: None)
+    patch.setattr(html, "figure_bytes", lambda *_: b"<svg/>")
 
 
 def heights(theta_deg, alpha_deg):

@@ -308,41 +308,25 @@ def test_radians_under_a_degree_suffix_are_refused(tmp_path):
     np.testing.assert_array_equal(table.theta, [0.26, 1.05])
 
 
-def test_a_header_alone_is_an_empty_table(tmp_path):
-    error = rejected(tmp_path, "theta_deg,alpha_deg,height_n\n")
-    assert error.code == "no_rows"
-    assert "0 data rows" in str(error)
-
-
-def test_one_table_has_one_unit(tmp_path):
-    text = "theta_deg,alpha_deg,height_n,height_normal_kpa\n15,90,1,1\n"
-    error = rejected(tmp_path, text)
-    assert error.code == "mixed_units"
-    assert "convert them" in str(error)
-
-
-def test_the_same_column_twice_is_refused(tmp_path):
-    text = "theta_deg,alpha_deg,height_n,height_N\n15,90,1,1\n"
-    assert rejected(tmp_path, text).code == "duplicate_column"
-
-
-def test_two_pushes_cannot_have_one_number(tmp_path):
-    text = "push,theta_deg,alpha_deg,height_n\n1,15,90,1\n1,30,90,1\n"
-    assert rejected(tmp_path, text).code == "duplicate_push"
-
-
-def test_an_unknown_flag_is_refused_beside_the_known_ones(tmp_path):
-    text = "theta_deg,alpha_deg,height_n,flags\n15,90,1,saturatd\n"
-    error = rejected(tmp_path, text)
-    assert error.code == "unknown_flag"
-    assert "saturated" in str(error)
-
-
-def test_an_unknown_definition_is_refused_with_what_to_write(tmp_path):
-    text = "theta_deg,alpha_deg,height_n,definition\n15,90,1,top\n"
-    error = rejected(tmp_path, text)
-    assert error.code == "unknown_definition"
-    assert "write one of them" in str(error)
+@pytest.mark.parametrize(
+    ("text", "code", "words"),
+    [
+        ("height_n\n", "no_rows", "0 data rows"),
+        ("height_n,height_normal_kpa\n15,90,1,1\n", "mixed_units", "convert them"),
+        ("height_n,height_N\n15,90,1,1\n", "duplicate_column", ""),
+        ("height_n,push\n15,90,1,1\n30,90,1,1\n", "duplicate_push", ""),
+        ("height_n,flags\n15,90,1,saturatd\n", "unknown_flag", "saturated"),
+        (
+            "height_n,definition\n15,90,1,top\n",
+            "unknown_definition",
+            "write one of them",
+        ),
+    ],
+)
+def test_a_table_that_breaks_a_rule_is_refused_by_its_name(tmp_path, text, code, words):
+    error = rejected(tmp_path, f"theta_deg,alpha_deg,{text}")
+    assert error.code == code
+    assert words in str(error)
 
 
 @pytest.fixture

@@ -26,10 +26,10 @@ from tests.fit.tables import (
     SEVEN_DEG,
     case_table,
     config,
+    one_sided_table,
 )
 from tests.problems import CASES
 
-LOW_DEG = np.arange(5.0, 61.0, 5.0)
 # Noise that is the same for all heights, whatever their residuals show.
 CONSTANT = "[noise]\nheight_share = 0.0\n"
 # The same, normal or heavy-tailed as the heights have it.
@@ -64,14 +64,7 @@ def determined():
 
 @pytest.fixture(scope="module")
 def one_sided():
-    """θ_c = 72° and no push above 60°, seen by a sensor of both components."""
-    table = case_table(
-        CASES["one_sided"],
-        noise=0.03,
-        theta_deg=LOW_DEG,
-        channels=("height_normal", "height_tangential"),
-    )
-    return identify_table(table, config(), seed=1, engine="sweep")
+    return identify_table(one_sided_table(), config(), seed=1, engine="sweep")
 
 
 def warning_codes(result) -> set[str]:

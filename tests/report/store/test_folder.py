@@ -20,13 +20,6 @@ from pushfit.report.store.folder import write_result_folder
 from pushfit.report.store.output_folder import CONTENT, EXPLORED
 from pushfit.report.store.summary import summary_dict
 from pushfit.report.text.result import render_text
-from tests.report.store.test_read import leave_out_figures
-
-
-@pytest.fixture
-def quick(monkeypatch):
-    """Leave out the drawing, which other tests cover."""
-    leave_out_figures(monkeypatch)
 
 
 def listing(path):
@@ -60,7 +53,7 @@ def test_a_result_holds_everything_that_the_design_names(theta_only, tmp_path):
     assert [entry.name for entry in tmp_path.iterdir()] == ["result"]
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("undrawn")
 def test_the_posterior_survives_the_file(determined, tmp_path):
     out = write_result_folder(determined, tmp_path / "result", force=False)
     with xr.open_datatree(out / "result.nc", engine="h5netcdf") as tree:
@@ -93,14 +86,14 @@ def test_the_posterior_is_in_the_form_that_arviz_reads(determined):
     np.testing.assert_array_equal(draws, determined.posterior.samples["C_rr"])
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("undrawn")
 def test_hostile_text_reaches_the_summary_as_it_is(hostile, tmp_path):
     out = write_result_folder(hostile, tmp_path / "result", force=False)
     found = json.loads((out / "summary.json").read_text(encoding="utf-8"))["notes"]
     assert found == list(hostile.table.notes)
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("undrawn")
 def test_what_stands_there_is_not_overwritten(determined, tmp_path):
     out = tmp_path / "result"
     out.mkdir()
@@ -110,7 +103,7 @@ def test_what_stands_there_is_not_overwritten(determined, tmp_path):
     assert listing(tmp_path) == ["result"]
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("undrawn")
 def test_force_replaces_a_result(determined, two_modes, tmp_path):
     out = write_result_folder(determined, tmp_path / "result", force=False)
     write_result_folder(two_modes, out, force=True)
@@ -118,7 +111,7 @@ def test_force_replaces_a_result(determined, two_modes, tmp_path):
     assert [entry.name for entry in tmp_path.iterdir()] == ["result"]
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("undrawn")
 def test_force_removes_nothing_that_is_no_result(determined, tmp_path):
     out = tmp_path / "home"
     out.mkdir()
@@ -128,7 +121,7 @@ def test_force_removes_nothing_that_is_no_result(determined, tmp_path):
     assert listing(tmp_path) == ["home", "home/thesis.tex"]
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("is_there", [False, True])
 def test_a_link_stays_and_the_result_is_where_it_leads(determined, tmp_path, is_there):
     place = tmp_path / "disk"
@@ -146,7 +139,7 @@ def test_a_link_stays_and_the_result_is_where_it_leads(determined, tmp_path, is_
     assert {p.name for p in tmp_path.iterdir()} == {"disk", "result"}
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("force", [False, True])
 def test_what_is_behind_a_link_is_protected_as_well(determined, tmp_path, force):
     (tmp_path / "home").mkdir()
@@ -160,7 +153,7 @@ def test_what_is_behind_a_link_is_protected_as_well(determined, tmp_path, force)
         write_result_folder(determined, tmp_path / "lost", force=force)
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("force", [False, True])
 def test_a_fifo_is_no_folder(determined, tmp_path, force):
     os.mkfifo(tmp_path / "result")
@@ -169,13 +162,13 @@ def test_a_fifo_is_no_folder(determined, tmp_path, force):
     assert (tmp_path / "result").is_fifo()
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("undrawn")
 def test_a_missing_parent_is_named(determined, tmp_path):
     with pytest.raises(ConfigError, match="create it first"):
         write_result_folder(determined, tmp_path / "no" / "result", force=False)
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("error", [OSError("disk full"), KeyboardInterrupt()])
 def test_a_failure_leaves_the_old_result_whole_and_nothing_else(
     determined, two_modes, tmp_path, monkeypatch, error
@@ -194,7 +187,7 @@ def test_a_failure_leaves_the_old_result_whole_and_nothing_else(
     assert [entry.name for entry in tmp_path.iterdir()] == ["result"]
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("undrawn")
 def test_what_a_full_disk_refuses_is_named(determined, tmp_path, monkeypatch):
     def refuse(path: Path, content: str, **_: str) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -206,7 +199,7 @@ def test_what_a_full_disk_refuses_is_named(determined, tmp_path, monkeypatch):
     assert not os.listdir(tmp_path)
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("undrawn")
 def test_the_posterior_is_written_by_what_a_full_disk_stops_with_an_error(
     determined, tmp_path, monkeypatch
 ):
@@ -224,7 +217,7 @@ def test_the_posterior_is_written_by_what_a_full_disk_stops_with_an_error(
     assert xr.open_datatree(out / "result.nc").groups
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("undrawn")
 def test_a_failed_exchange_puts_the_old_result_back(
     determined, two_modes, tmp_path, monkeypatch
 ):
@@ -243,7 +236,7 @@ def test_a_failed_exchange_puts_the_old_result_back(
     assert [entry.name for entry in tmp_path.iterdir()] == ["result"]
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("undrawn")
 def test_a_result_is_on_disk_before_it_has_its_name(determined, tmp_path, monkeypatch):
     events = []
     fsync, rename = os.fsync, os.rename
@@ -264,7 +257,7 @@ def test_a_result_is_on_disk_before_it_has_its_name(determined, tmp_path, monkey
     assert events[-1] == "fsync"
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("undrawn")
 def test_others_may_read_a_result_as_they_may_read_any_new_folder(determined, tmp_path):
     ordinary = tmp_path / "ordinary"
     ordinary.mkdir()
@@ -272,7 +265,7 @@ def test_others_may_read_a_result_as_they_may_read_any_new_folder(determined, tm
     assert out.stat().st_mode == ordinary.stat().st_mode
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("undrawn")
 def test_the_page_of_a_result_goes_into_a_fifo(determined, tmp_path):
     write_result_folder(determined, tmp_path / "result", force=False)
     fifo, received = tmp_path / "page", []

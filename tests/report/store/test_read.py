@@ -2,7 +2,6 @@
 
 import base64
 import json
-import shutil
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
 
@@ -13,7 +12,6 @@ import pytest
 from pushfit.cli import main
 from pushfit.data.tables.traces import ComponentTrace, SignedHeights
 from pushfit.errors import DataError
-from pushfit.report.html import result as html_module
 from pushfit.report.html.result import render_html
 from pushfit.report.store import folder as folder_module
 from pushfit.report.store.archive import SIGNED
@@ -22,36 +20,6 @@ from pushfit.report.store.read import read_result
 from pushfit.report.store.summary import summary_dict
 from pushfit.report.text.result import render_text
 from tests.report.makers import make_answer
-
-
-def leave_out_figures(patch):
-    """Folders and pages without figures."""
-    patch.setattr(folder_module, "figure_files", lambda _, **__: {})
-    patch.setattr(folder_module, "render_html", lambda _, **__: "")
-    patch.setattr(html_module, "figure_files", lambda _, **__: {})
-    patch.setattr(html_module, "main_figure", lambda _, **__: None)
-    patch.setattr(html_module, "figure_bytes", lambda *_: b"<svg/>")
-
-
-@pytest.fixture
-def undrawn(monkeypatch):
-    """Nothing is drawn in this test."""
-    leave_out_figures(monkeypatch)
-
-
-@pytest.fixture(scope="module")
-def made(make_identification, tmp_path_factory):
-    """A result folder, written once."""
-    with pytest.MonkeyPatch.context() as patch:
-        leave_out_figures(patch)
-        folder = tmp_path_factory.mktemp("stored") / "result"
-        return write_result_folder(make_identification(), folder, force=False)
-
-
-@pytest.fixture
-def result(made, tmp_path, undrawn):
-    """A copy of it to work on."""
-    return shutil.copytree(made, tmp_path / "result")
 
 
 def assert_reads_back(identification, folder):

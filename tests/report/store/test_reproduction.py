@@ -1,7 +1,6 @@
 """Comparing a result folder with a second computation of it, number by number."""
 
 import json
-import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -11,23 +10,7 @@ from pushfit.errors import DataError
 from pushfit.report.store.folder import write_result_folder
 from pushfit.report.store.read import read_summary
 from pushfit.report.store.reproduction import SHARE_OF_WIDTH, compare_result
-from tests.report.store.test_read import leave_out_figures
 from tests.tolerances import ROUTES
-
-
-@pytest.fixture(scope="module")
-def made(make_identification, tmp_path_factory):
-    """A result folder without its drawings, written once."""
-    with pytest.MonkeyPatch.context() as patch:
-        leave_out_figures(patch)
-        folder = tmp_path_factory.mktemp("made") / "result"
-        return write_result_folder(make_identification(), folder, force=False)
-
-
-@pytest.fixture
-def result(made, tmp_path):
-    """A copy of it to work on."""
-    return shutil.copytree(made, tmp_path / "result")
 
 
 def shifted(identification, name, by, **changes):
@@ -104,9 +87,9 @@ def test_other_versions_explain_what_draws_scatter_and_no_more(
         assert comparison.environment["jax"] == ("0.10.2", "0.0.1")
 
 
-def test_an_axis_that_passes_zero_has_hardly_moved(determined, tmp_path, monkeypatch):
+@pytest.mark.usefixtures("undrawn")
+def test_an_axis_that_passes_zero_has_hardly_moved(determined, tmp_path):
     """179.9° and 0.1° are 0.2° apart."""
-    leave_out_figures(monkeypatch)
     axis = replace(determined.alpha_star, estimate=179.9, interval=(177.9, 181.9))
     before = replace(determined, alpha_star=axis)
     out = write_result_folder(before, tmp_path / "axis", force=False)
