@@ -59,7 +59,7 @@ def find_inputs(
         if results.isdisjoint((path, *map(str, Path(path).parents)))
     ]
     exact = {*named, *matches}
-    searched = {path for path in exact if _is_searched(path)}
+    searched = {path for path in exact if os.path.isdir(path) and not is_bag(path)}
     below = {path for folder in searched for path in _below(folder, out)}
     kept = (exact - searched) | {path for path in below if _is_data(path)}
     wanted = {os.path.normpath(path) for path in kept if not _is_companion(path)}
@@ -129,10 +129,6 @@ def _is_result(folder: str, out: Path) -> bool:
     is_batch = (place / STORE).is_file()
     is_one = all((place / name).is_file() for name in RESULT)
     return is_batch or is_one or place.resolve() == out.resolve()
-
-
-def _is_searched(path: str) -> bool:
-    return os.path.isdir(path) and not is_bag(path)
 
 
 def _below(folder: str, out: Path) -> Iterator[str]:

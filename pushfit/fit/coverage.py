@@ -136,16 +136,16 @@ def coverage_study(
     check_seed(seed)
     fitted = fit_table(table, config)
     simulation = simulate_tables(fitted, n_tables, np.random.default_rng(seed))
-    found = []
+    trusted = []
     for index, simulated in enumerate(simulation.tables):
         if progress is not None:
             progress(f"table {index + 1} of {n_tables}", index / n_tables)
-        found.append(_identified(simulated, config, seed + index))
-    trusted = [
-        (index, result)
-        for index, result in enumerate(found)
-        if result is not None and result.status is FitStatus.OK
-    ]
+        try:
+            result = identify_table(simulated, config, seed=seed + index)
+        except (DataError, FitError):
+            continue
+        if result.status is FitStatus.OK:
+            trusted.append((index, result))
     asked = [name for name in QUANTITIES if name in simulation.truths]
     asked = [name for name in asked if np.ptp(simulation.truths[name]) > 0]
     coverages = []
@@ -205,16 +205,6 @@ def simulate_tables(fitted: Fitted, n: int, rng: np.random.Generator) -> Simulat
         for values, contact in zip(heights, found.in_contact, strict=True)
     ]
     return Simulation(tables=tuple(tables), truths=truths)
-
-
-def _identified(
-    table: PeakTable, config: GraspConfig, seed: int
-) -> Identification | None:
-    """What a user would get of one table; None where that is an error."""
-    try:
-        return identify_table(table, config, seed=seed)
-    except (DataError, FitError):
-        return None
 
 
 def _coverages(

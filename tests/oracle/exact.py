@@ -82,8 +82,6 @@ def exact_posterior(
     Args:
         setup: Problem with its noise weights settled.
         fit: Least squares of it; its modes tell where to look closely.
-        n_draws: Number of draws.
-        seed: Seed of the draws.
         reference_alpha: Azimuth of θ_c [rad].
         reach: Lowest and highest azimuth for α* [rad].
     """
@@ -171,27 +169,7 @@ def _cells(
 def draw(
     grid: ExactGrid, n_draws: int, rng: np.random.Generator
 ) -> Float[np.ndarray, "n p"]:
-    """Independent draws from an integrated posterior.
-
-    Args:
-        grid: The posterior on its nodes.
-        n_draws: Number of draws.
-        rng: Source of randomness.
-
-    Returns:
-        Sampling coordinates in the order of `Problem.names`.
-    """
-    u, c, a = _draw_points(grid, n_draws, rng)
-    scores = rng.standard_normal((3, n_draws))
-    logs = priors.drawn(grid.conditional, a, u + c + a, scores) | {"C_rr": c}
-    problem = grid.integrand.problem
-    return encode(problem, {name: np.exp(values) for name, values in logs.items()})
-
-
-def _draw_points(
-    grid: ExactGrid, n_draws: int, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Draws of u, ln C_rr and ln A."""
+    """Independent draws of the sampling coordinates, as `Problem.names` has them."""
     order = np.argsort(grid.cells.lower)
     nodes = grid.cells.nodes[order].ravel()
     log_values = grid.cells.log_values[order].ravel()
@@ -205,7 +183,10 @@ def _draw_points(
     u, c = np.repeat(u, DRAWS_PER_NODE)[chosen], c.ravel()[chosen]
     over_A = _gathered(_over_A, grid.integrand, u, c)
     a = _coordinates(over_A, rng.uniform(size=(n_draws, 1)))[:, 0]
-    return u, c, a
+    scores = rng.standard_normal((3, n_draws))
+    logs = priors.drawn(grid.conditional, a, u + c + a, scores) | {"C_rr": c}
+    problem = grid.integrand.problem
+    return encode(problem, {name: np.exp(values) for name, values in logs.items()})
 
 
 def _coordinates(

@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 
 from pushfit.fit.problem.priors.tabulated_density import TabulatedDensity
 from pushfit.fit.problem.problem import Problem
-from pushfit.model import Contact, Scalar, contact
+from pushfit.model import Scalar, contact
 from tests.oracle import priors
 from tests.oracle.cells import GAUSS, KRONROD, NODES
 
@@ -99,17 +99,13 @@ class Integrand(eqx.Module):
             + priors.log_density(self.prior_C, c)
         )
 
-    def _contact(self, u: Scalar, c: Scalar, a: Scalar) -> Contact:
-        """A, B and C_rr at a point: B = A C_rr tan θ_c."""
-        state = self.problem.data_state(jnp.zeros(len(self.problem.data_names)))
-        group = contact(state.params)
-        values = jnp.exp(a), jnp.exp(u + c + a), jnp.exp(c)
-        return eqx.tree_at(lambda g: (g.A, g.B, g.C_rr), group, values)
-
     def _residuals(self, u: Scalar, c: Scalar, a: Scalar) -> Float[Array, " n"]:
+        """Those at a point, where B = A C_rr tan θ_c."""
         state = self.problem.data_state(jnp.zeros(len(self.problem.data_names)))
-        state = eqx.tree_at(lambda s: s.params, state, self._contact(u, c, a))
-        return self.problem.residuals(state)
+        values = jnp.exp(a), jnp.exp(u + c + a), jnp.exp(c)
+        group = contact(state.params)
+        group = eqx.tree_at(lambda g: (g.A, g.B, g.C_rr), group, values)
+        return self.problem.residuals(eqx.tree_at(lambda s: s.params, state, group))
 
     def _along_A(
         self, u: Scalar, c: Scalar

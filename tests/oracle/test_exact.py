@@ -23,6 +23,7 @@ pytestmark = pytest.mark.slow
 
 REACH = (0.0, np.pi)
 ALPHA = np.pi / 2
+WORDS = {"n_draws": 4000, "reference_alpha": ALPHA, "reach": REACH}
 # A false alarm once in 1000 per comparison.
 KS_LEVEL = 1e-3
 # The brute-force sums below have steps of a tenth of a standard deviation; kinks at
@@ -39,18 +40,6 @@ FIVE = np.array([10.0, 30.0, 45.0, 60.0, 80.0])
 def small_setup(name="firm", *, noise, seed=0, text=""):
     table = case_table(CASES[name], noise=noise, seed=seed, theta_deg=FIVE)
     return setup_of(table, text)
-
-
-def integrated(setup, **options):
-    fit = fit_least_squares(setup, reference_alpha=ALPHA)
-    return exact_grid(setup, fit, **options)
-
-
-def posterior(setup, n_draws=4000, seed=1):
-    fit = fit_least_squares(setup, reference_alpha=ALPHA)
-    return exact_posterior(
-        setup, fit, n_draws=n_draws, seed=seed, reference_alpha=ALPHA, reach=REACH
-    )
 
 
 def without_data(setup):
@@ -120,7 +109,8 @@ def brute_force(setup, samples):
 )
 def test_evidence_and_means_are_those_of_a_dense_grid(name, noise):
     setup = small_setup(name, noise=noise)
-    result = posterior(setup)
+    fit = fit_least_squares(setup, reference_alpha=ALPHA)
+    result = exact_posterior(setup, fit, seed=1, **WORDS)
     log_evidence, means = brute_force(setup, result.samples)
     assert abs(result.log_evidence - log_evidence) < BRUTE_FORCE
     for quantity, mean in zip(("B", "C_rr"), means, strict=True):
@@ -138,14 +128,7 @@ def test_without_data_the_evidence_is_one():
 def test_without_data_draws_follow_the_prior():
     setup = small_setup(noise=0.05)
     fit = fit_least_squares(setup, reference_alpha=ALPHA)
-    result = exact_posterior(
-        without_data(setup),
-        fit,
-        n_draws=4000,
-        seed=3,
-        reference_alpha=ALPHA,
-        reach=REACH,
-    )
+    result = exact_posterior(without_data(setup), fit, seed=3, **WORDS)
     x = prior_x_samples(setup.problem, np.random.default_rng(4), 4000)
     prior = samples_mapping(setup.problem, x, ALPHA, REACH)
     for name in ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L", "theta_c"):
@@ -187,7 +170,8 @@ HARD = {
 def test_the_error_bound_covers_the_error(name):
     case, noise = HARD[name]
     setup = small_setup(case, noise=noise)
-    coarse, fine = integrated(setup, rtol=COARSE), integrated(setup, rtol=FINE)
+    fit = fit_least_squares(setup, reference_alpha=ALPHA)
+    coarse, fine = (exact_grid(setup, fit, rtol=rtol) for rtol in (COARSE, FINE))
     difference = abs(coarse.log_evidence - fine.log_evidence)
     assert difference <= coarse.log_evidence_error + fine.log_evidence_error
     assert fine.log_evidence_error < COARSE

@@ -131,16 +131,11 @@ def test_a_numbered_list_keeps_its_numbers(page):
     assert [item for item in later.findall(text) if not item.startswith(" ")] == []
 
 
+# What takes its time is marked with the shorter word.
+@pytest.mark.parametrize("word", ["python", pytest.param("py", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
-def test_the_python_of_a_page_runs(page, workplace, capsys):
-    for block in blocks(page, "python"):
-        exec(compile(block, page.name, "exec"), {})
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
-def test_the_python_that_takes_its_time_runs(page, workplace, capsys):
-    for block in blocks(page, "py"):
+def test_the_python_of_a_page_runs(page, word, workplace, capsys):
+    for block in blocks(page, word):
         exec(compile(block, page.name, "exec"), {})
 
 

@@ -145,7 +145,11 @@ def quantities(
             verdict = profile.verdict
         elif name in STIFFNESSES & COMBINATIONS.keys() and np.ptp(draws) > 0:
             verdict = WITHOUT_PROFILE.get(verdict, verdict)
-        elif verdict is Verdict.LEARNED and profile and _is_open(profile.pieces):
+        elif (
+            verdict is Verdict.LEARNED
+            and profile
+            and any(None in p for p in profile.pieces)
+        ):
             # An end that no height bounds is that of the prior.
             verdict = Verdict.PARTLY
         return Quantity(
@@ -194,10 +198,6 @@ def _width_before(draws: bytes, prob: float, is_axis: bool) -> float:
     """Width of the prior's set of an angle; many tables share their prior's draws."""
     values = np.frombuffer(draws, dtype=float)
     return _width(highest_density_set(values, prob, is_axis=is_axis))
-
-
-def _is_open(pieces: tuple[Piece, ...]) -> bool:
-    return any(None in piece for piece in pieces)
 
 
 def _width(pieces: tuple[Piece, ...]) -> float:
