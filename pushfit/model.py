@@ -80,3 +80,18 @@ def forward(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) -> Chann
         height_tangential=grasp.gain * tangential,
         in_contact=force.in_contact,
     )
+
+
+def push_resistance(params: Parameters, pushes: Pushes, grasp: Grasp) -> Vector:
+    """Force change per push length, whatever gain and offset of the sensor.
+
+        P_r = (|F_p| - F_0) / S_p
+
+    Returns:
+        P_r of every push; negative only where there is a preload [N/m].
+
+    References:
+        Eqs. (12)-(14).
+    """
+    channels = forward(params, pushes, grasp)
+    return (channels.height - grasp.offset) / (grasp.gain * grasp.push_length)

@@ -42,6 +42,7 @@ relaxed = settings(max_examples=20)
 # Compiled once per case; that eager agrees is a test of its own.
 forces = eqx.filter_jit(model.forces)
 forward = eqx.filter_jit(model.forward)
+push_resistance = eqx.filter_jit(model.push_resistance)
 every_case = pytest.mark.parametrize("name", CASES)
 
 
@@ -87,9 +88,19 @@ def test_resistance_is_rolled_below_the_critical_angle_and_unrolled_above():
     for degrees in (1, 20, 44, 46, 70, 89):
         theta = math.radians(degrees)
         case = paper.rolled_resistance if degrees < 45 else paper.unrolled_resistance
-        height = forward(params, pushes_at(degrees), PLAIN).height
-        resistance = case(paper.numbers(params), theta)
-        np.testing.assert_allclose(height, [PUSH * resistance], rtol=EXACT)
+        resistance = push_resistance(params, pushes_at(degrees), PLAIN)
+        np.testing.assert_allclose(
+            resistance, [case(paper.numbers(params), theta)], rtol=EXACT
+        )
+
+
+def test_resistance_ignores_gain_and_offset():
+    """Neither belongs to the mechanics."""
+    case = CASES["sensor_units"]
+    pushes = case.pushes()
+    expected = push_resistance(case.params, pushes, PLAIN)
+    resistance = push_resistance(case.params, pushes, case.grasp)
+    np.testing.assert_allclose(resistance, expected, rtol=EXACT)
 
 
 def test_channels_are_the_parts_of_the_magnitude():

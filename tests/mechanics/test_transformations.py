@@ -20,6 +20,7 @@ VERTEX = 1e-6
 REGISTRY = {
     "forward": model.forward,
     "forces": model.forces,
+    "push_resistance": model.push_resistance,
     "implied_tilt": linear.implied_tilt,
     "support_stiffness": lambda p, pushes, grasp: model.support_stiffness(p),
     "contact": lambda p, pushes, grasp: model.contact(p),

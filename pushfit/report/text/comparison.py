@@ -17,12 +17,6 @@ from pushfit.report.strings import join_and
 SCHEMA = "pushfit.compare/1"
 # Columns of a terminal.
 WIDTH = 80
-# Fields of a score whose names are keys.
-AS_THEY_ARE = (
-    *("is_adequate", "verdict"),
-    *("log_evidence", "log_evidence_error", "log_bayes_factor"),
-    *("elpd_loo", "elpd_loo_se", "p_loo", "elpd_difference", "elpd_difference_se"),
-)
 # Larger factors are written as powers of ten.
 PLAIN_FACTOR = 1e4
 
@@ -212,7 +206,16 @@ def _entry(model: ModelScore) -> dict[str, object]:
         "sharpness": _transition(model.sharpness),
         "engine": model.engine,
         "status": model.status.name.lower(),
-        **{name: getattr(model, name) for name in AS_THEY_ARE},
+        "is_adequate": model.is_adequate,
+        "verdict": model.verdict,
+        "log_evidence": model.log_evidence,
+        "log_evidence_error": model.log_evidence_error,
+        "log_bayes_factor": model.log_bayes_factor,
+        "elpd_loo": model.elpd_loo,
+        "elpd_loo_se": model.elpd_loo_se,
+        "p_loo": model.p_loo,
+        "elpd_difference": model.elpd_difference,
+        "elpd_difference_se": model.elpd_difference_se,
         "max_pareto_k": None if densities is None else float(densities.pareto_k.max()),
         "n_unreliable": None if densities is None else densities.n_unreliable,
     }

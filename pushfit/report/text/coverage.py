@@ -47,13 +47,20 @@ def study_text(study: CoverageStudy) -> str:
 
 def study_dict(study: CoverageStudy) -> dict[str, Json]:
     """The same as one JSON-safe document."""
-    names = ("n_tables", "n_failed", "n_pushes", "engine", "seed")
-    found = ("share", "limits", "is_compatible")
     content = {
         "schema": SCHEMA,
-        **{name: getattr(study, name) for name in names},
+        "n_tables": study.n_tables,
+        "n_failed": study.n_failed,
+        "n_pushes": study.n_pushes,
+        "engine": study.engine,
+        "seed": study.seed,
         "coverage": [
-            asdict(coverage) | {name: getattr(coverage, name) for name in found}
+            asdict(coverage)
+            | {
+                "share": coverage.share,
+                "limits": coverage.limits,
+                "is_compatible": coverage.is_compatible,
+            }
             for coverage in study.coverages
         ],
         "verdicts": {
