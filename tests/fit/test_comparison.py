@@ -144,7 +144,7 @@ def test_as_many_heights_as_unknowns_that_no_draw_meets_are_not_described(monkey
 def test_models_are_ranked_as_by_brute_force():
     """Evidence over a dense grid of ln A, ln B and ln C_rr, in NumPy."""
     theta_deg = np.array([10.0, 30.0, 45.0, 60.0, 80.0])
-    table = case_table(CASES["firm"], noise=0.12, theta_deg=theta_deg)
+    table = case_table(CASES["firm"], noise=0.1, theta_deg=theta_deg)
     scores = compare_models(table, config(), seed=0).models
     found = {m.name: m for m in scores if m.name not in NOISES}
     for model, score in found.items():
