@@ -1,8 +1,8 @@
 """What callers give, beside the types that a function says it takes.
 
 A frame in place of what a reader makes of it would otherwise end deep inside, by the
-name of an attribute. Excluded: shapes of arrays, and values of the right type, of which
-each function knows its own rules.
+name of an attribute. Excluded: shapes of arrays, and numbers out of range
+(`pushfit.mechanics.ranges`).
 """
 
 import functools

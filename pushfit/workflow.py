@@ -15,6 +15,7 @@ from typing import TypeVar
 
 import pandas as pd
 
+from pushfit.arguments import checked
 from pushfit.config import GraspConfig, Settings, as_config
 from pushfit.data.check import expect_kind, file_kind
 from pushfit.data.load import configured_recording, reader_options
@@ -48,6 +49,7 @@ AnyPlan = AnyPath | pd.DataFrame | PushSchedule
 FRAME = "DataFrame"
 
 
+@checked
 def identify(
     recordings_or_table: AnyTable | Sequence[AnyTable],
     schedule: AnyPlan | Sequence[AnyPlan] | None = None,
@@ -56,7 +58,7 @@ def identify(
     *,
     engine: str = "auto",
     progress: Progress | None = None,
-    checkpoint: Path | None = None,
+    checkpoint: AnyPath | None = None,
     throw: bool = False,
 ) -> Result:
     """From recordings of pushes, or a table of their heights, to θ_c and α*.
@@ -106,7 +108,7 @@ def identify(
             engine=engine,
             stages=stages,
             listener=FirstLook(tell=tell),
-            checkpoint=checkpoint,
+            checkpoint=None if checkpoint is None else Path(checkpoint),
         )
         if throw:
             _check_status(found)

@@ -1,5 +1,6 @@
 """What is no argument of a public function is refused by name, value and next step."""
 
+import math
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -10,6 +11,7 @@ import pytest
 
 import pushfit
 from pushfit.arguments import checked
+from pushfit.data.simulate import Session
 from pushfit.errors import ConfigError
 
 FRAME = pd.DataFrame({"theta_deg": [30.0], "alpha_deg": [0.0], "height_n": [2.0]})
@@ -56,6 +58,66 @@ RNG = np.random.default_rng(0)
         (
             lambda: SIMULATE(noise=0.1, rng=0),
             ("simulate_table: rng = 0: must be a Generator", "numpy.random.default"),
+        ),
+        (
+            lambda: SIMULATE(repeats=-1, noise=0.0, rng=RNG),
+            ("repeats = -1: must be a whole number, 1 or above",),
+        ),
+        (
+            lambda: pushfit.PushSchedule.planned(15.0, 0.0),
+            ("PushSchedule: theta = 15: must be in radians", "numpy.radians"),
+        ),
+        (
+            lambda: pushfit.Pushes(np.array([0.1, 15.0]), 0.0),
+            ("Pushes: theta = 15: must be in radians", "numpy.radians"),
+        ),
+        (
+            lambda: pushfit.Pushes(0.1, -90.0),
+            ("Pushes: alpha = -90: must be in radians",),
+        ),
+        (
+            lambda: pushfit.critical_angle(PARAMS, GRASP, 90.0),
+            ("critical_angle: alpha = 90: must be in radians",),
+        ),
+        (
+            lambda: pushfit.best_direction(PARAMS, GRASP, 0.2, reach=(1.0, 0.0)),
+            ("best_direction: reach = (1, 0): must be (low, high)",),
+        ),
+        (
+            lambda: pushfit.Grasp(push_length=5.0),
+            ("Grasp: push_length = 5: must be above 0 and at most 1, in metres",),
+        ),
+        (
+            lambda: pushfit.Grasp(push_length=-0.005),
+            ("Grasp: push_length = -0.005: must be above 0",),
+        ),
+        (
+            lambda: pushfit.Grasp(push_length=0.005, sharpness=0.5),
+            ("Grasp: sharpness = 0.5: must be 1 or above", "math.inf"),
+        ),
+        (
+            lambda: pushfit.Grasp(push_length=0.005, mechanics="tilted"),
+            ('Grasp: mechanics = "tilted": must be "linear", "tilting"',),
+        ),
+        (lambda: Session(rate=0.0), ("Session: rate = 0: must be above 0",)),
+        (lambda: Session(noise=-1.0), ("Session: noise = -1: must be 0 or above",)),
+        (lambda: Session(level=math.nan), ("Session: level = nan: must be a finite",)),
+        (lambda: Session(step=1.5), ("Session: step = 1.5: must be from 0 to 1",)),
+        (
+            lambda: Session(normal="z"),
+            ("Session: normal = 'z': must be one of fx, fy, fz, -fx",),
+        ),
+        (
+            lambda: pushfit.identify(FRAME, checkpoint=5),  # type: ignore
+            ("identify: checkpoint = 5: must be a str or a path or None",),
+        ),
+        (
+            lambda: pushfit.identify(FRAME, progress="a"),  # type: ignore
+            ("identify: progress = 'a': must be a Callable or None",),
+        ),
+        (
+            lambda: pushfit.identify_batch(5, "out"),  # type: ignore
+            ("identify_batch: inputs = 5: must be a str or a path",),
         ),
         (lambda: SIMULATE(noise=-0.1, rng=RNG), ("noise = -0.1: must be 0 or above",)),
         (lambda: SIMULATE(noise=np.ones(3), rng=RNG), ("noise = [1. 1. 1.]", "2 push")),

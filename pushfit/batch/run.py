@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from pushfit.arguments import checked
 from pushfit.batch.folders import (
     FOLDER,
     REPORT,
@@ -65,6 +66,7 @@ class Batch:
     notice: str
 
 
+@checked
 def identify_batch(
     inputs: str | Path | Sequence[str | Path],
     out: str | Path,

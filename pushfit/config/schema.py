@@ -79,7 +79,8 @@ def _known_mechanics(name: str) -> str:
         try:
             mechanics_named(name)
         except LookupError as error:
-            raise ValueError(str(error)) from error
+            words = str(error).replace("must be", 'must be "auto",', 1)
+            raise ValueError(words) from error
     return name
 
 

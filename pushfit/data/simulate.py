@@ -6,6 +6,7 @@ drift, sensor noise, counts and the end of the sensor's range. Excluded: randomn
 other than by the generator that the caller passes.
 """
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -23,6 +24,7 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.tables.rules import CHANNELS
 from pushfit.data.units import in_degrees
 from pushfit.errors import ConfigError
+from pushfit.mechanics.ranges import ABOVE_ZERO, LARGEST, check_numbers
 from pushfit.model import Channels, Grasp, Parameters, Pushes, forward
 
 # Components of a recorded force.
@@ -90,12 +92,10 @@ def simulate_table(
         [0.559, 1.0]
     """
     plan = PushSchedule.planned(theta, alpha, repeats=repeats)
-    if np.shape(noise) not in ((), (plan.n_pushes,)) or np.any(np.less(noise, 0)):
-        raise ConfigError(
-            f"noise = {noise}: must be 0 or above, and one number or one for each of "
-            f"the {plan.n_pushes} pushes",
-            code="noise",
-        )
+    rule = f"0 or above, and one number or one for each of the {plan.n_pushes} pushes"
+    check_numbers("noise", noise, 0.0, LARGEST, rule=rule)
+    if np.shape(noise) not in ((), (plan.n_pushes,)):
+        raise ConfigError(f"noise = {noise}: must be {rule}", code="noise")
     if unknown := set(channels) - set(CHANNELS):
         raise ConfigError(
             f"channels: {', '.join(sorted(unknown))} is not known; name some of "
@@ -118,6 +118,23 @@ def simulate_table(
         repeat=plan.repeat,
         flags=tuple("" if c else "lost_contact" for c in np.asarray(truth.in_contact)),
     )
+
+
+# What a session may be: by field its words; fields, least, largest and rule of numbers.
+WORDS: dict[str, tuple[str, ...]] = {
+    "shape": ("triangle", "sine", "plateau"),
+    "normal": (*AXES, *(f"-{axis}" for axis in AXES)),
+}
+NUMBERS: tuple[tuple[tuple[str, ...], float, float, str], ...] = (
+    (
+        ("rise", "rate", "quantum", "angle_resolution"),
+        *(ABOVE_ZERO, LARGEST, "above 0"),
+    ),
+    (("hold", "rest", "jitter", "noise"), 0.0, LARGEST, "0 or above"),
+    (("level", "drift"), -LARGEST, LARGEST, "a finite number"),
+    (("step", "undershoot"), 0.0, 1.0, "from 0 to 1, a share of the height"),
+    (("limit",), -LARGEST, math.inf, "a number, or None for no limit"),
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,6 +164,9 @@ class Session:
             where pushing lowers it.
         channel: Name of the channel where no force components are recorded.
         unit: Unit of every channel.
+
+    Raises:
+        ConfigError: One of them is none that a session can have.
     """
 
     shape: Literal["triangle", "sine", "plateau"] = "triangle"
@@ -167,6 +187,20 @@ class Session:
     normal: str = "fz"
     channel: str = "pressure"
     unit: str = "n"
+
+    def __post_init__(self) -> None:
+        """Refuse what no session is."""
+        for name, known in WORDS.items():
+            if (word := getattr(self, name)) not in known:
+                raise ConfigError(
+                    f"Session: {name} = {word!r}: must be one of {', '.join(known)}",
+                    code="session",
+                )
+        for names, low, high, rule in NUMBERS:
+            for name in names:
+                value = getattr(self, name)
+                if value is not None:
+                    check_numbers(f"Session: {name}", value, low, high, rule=rule)
 
     @property
     def duration(self) -> float:

@@ -17,7 +17,9 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Bool, Float
 
+from pushfit.errors import ConfigError
 from pushfit.mechanics.numerics import asinhc, norm2, sinhc
+from pushfit.mechanics.ranges import ABOVE_ZERO, LARGEST, check_angles, check_numbers
 from pushfit.mechanics.registry import Mechanics, mechanics_named
 from pushfit.parameters import SIX
 
@@ -25,6 +27,19 @@ jax.config.update("jax_enable_x64", True)
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, " n"]
+
+
+METRES = "and at most 1, in metres; 5 mm are 0.005"
+# What numbers of a grasp may be: name, least, largest, rule.
+KNOWN_OF_GRASPS = (
+    ("push_length", ABOVE_ZERO, 1.0, f"above 0 {METRES}"),
+    ("preload", 0.0, LARGEST, "0 or above"),
+    ("gain", ABOVE_ZERO, LARGEST, "above 0"),
+    ("offset", -LARGEST, LARGEST, "a finite number"),
+    ("sharpness", 1.0, math.inf, "1 or above; `math.inf` is a hard transition"),
+    ("support_span", ABOVE_ZERO, math.inf, "above 0"),
+    ("tip_radius", 0.0, 1.0, f"0 or above, {METRES}"),
+)
 
 
 def as_float(value: ArrayLike) -> Float[Array, "..."]:
@@ -40,6 +55,14 @@ def as_float(value: ArrayLike) -> Float[Array, "..."]:
 def _if_given(value: ArrayLike | None) -> Float[Array, "..."] | None:
     """`as_float` of what is not None."""
     return None if value is None else as_float(value)
+
+
+def _check_known(
+    place: str, value: ArrayLike, low: float, high: float, *, rule: str
+) -> None:
+    """`check_numbers` of what is not traced."""
+    if not isinstance(value, Tracer):
+        check_numbers(place, value, low, high, rule=rule)
 
 
 def unit_vector(angle: Float[Array, "*n"]) -> Float[Array, "xy=2 *n"]:
@@ -75,7 +98,7 @@ class Parameters(eqx.Module):
         e2: Ellipse shape along the diagonals; atan2(e2, e1)/2 is the stiff axis [-].
 
     Raises:
-        ValueError: One of the six is not above 0, or C_rr is below.
+        ConfigError: One of the six is not above 0, or C_rr is below.
     """
 
     K_sn: Scalar = eqx.field(converter=as_float)
@@ -90,14 +113,14 @@ class Parameters(eqx.Module):
     def __check_init__(self) -> None:
         """Refuse what no contact has."""
         for name in SIX:
-            value = getattr(self, name)
-            if isinstance(value, Tracer):
-                continue
-            least = np.min(np.asarray(value), initial=np.inf)
             may_be_zero = name == "C_rr"
-            if not (least > 0 or (least == 0 and may_be_zero)):
-                rule = "0 or above" if may_be_zero else "above 0"
-                raise ValueError(f"{name} = {least:g}: must be {rule}")
+            _check_known(
+                f"Parameters: {name}",
+                getattr(self, name),
+                0.0 if may_be_zero else ABOVE_ZERO,
+                LARGEST,
+                rule="0 or above" if may_be_zero else "above 0",
+            )
 
 
 class Pushes(eqx.Module):
@@ -109,6 +132,9 @@ class Pushes(eqx.Module):
     Args:
         theta: Elevation out of the tangential plane [rad].
         alpha: Azimuth inside it, from the line through the supports [rad].
+
+    Raises:
+        ConfigError: An angle that is known is over two turns, as if in degrees.
     """
 
     theta: Vector
@@ -121,6 +147,13 @@ class Pushes(eqx.Module):
         self.theta, self.alpha = as_float(theta), as_float(alpha)
         self.elevation = unit_vector(self.theta)
         self.azimuth = unit_vector(self.alpha)
+
+    def __check_init__(self) -> None:
+        """Refuse what is no direction, such as degrees."""
+        for name in ("theta", "alpha"):
+            if not isinstance(angles := getattr(self, name), Tracer):
+                # A direction may be turned, by a turn at most.
+                check_angles(f"Pushes: {name}", angles, most=4 * math.pi)
 
 
 class Grasp(eqx.Module):
@@ -138,6 +171,9 @@ class Grasp(eqx.Module):
         tip_radius: Radius of the fingertips, pushing and supporting; matters where the
             object tilts [m]. None is a point.
         mechanics: Name of the mechanics, as in `pushfit.mechanics.registry`.
+
+    Raises:
+        ConfigError: A number that is known is none of a grasp, such as millimetres.
     """
 
     push_length: Scalar = eqx.field(converter=as_float)
@@ -148,6 +184,19 @@ class Grasp(eqx.Module):
     support_span: float | None = eqx.field(static=True, default=None)
     tip_radius: Scalar | None = eqx.field(converter=_if_given, default=None)
     mechanics: str = eqx.field(static=True, default="linear")
+
+    def __check_init__(self) -> None:
+        """Refuse what no grasp has."""
+        for name, low, high, rule in KNOWN_OF_GRASPS:
+            value = getattr(self, name)
+            if value is not None:
+                _check_known(f"Grasp: {name}", value, low, high, rule=rule)
+        try:
+            self.law  # noqa: B018 - looked up
+        except LookupError as error:
+            raise ConfigError(
+                f'Grasp: mechanics = "{self.mechanics}": {error}', code="mechanics"
+            ) from error
 
     @property
     def law(self) -> Mechanics:

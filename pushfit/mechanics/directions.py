@@ -6,9 +6,11 @@ Excluded: estimates of a direction from heights, and uncertainties.
 import math
 
 import jax.numpy as jnp
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from pushfit.arguments import checked
+from pushfit.errors import ConfigError
 from pushfit.mechanics.containers import (
     Contact,
     Grasp,
@@ -21,6 +23,7 @@ from pushfit.mechanics.containers import (
     unit_vector,
 )
 from pushfit.mechanics.numerics import norm2
+from pushfit.mechanics.ranges import check_angles
 
 # Azimuths over the reach: at most half a degree apart, so that the parabola through the
 # lowest three finds a smooth minimum to about 0.01 degrees.
@@ -46,6 +49,9 @@ def critical_angle(
         θ_c in (-π/2, π/2]; π/2 in the frictionless limit; NaN where the contact never
         rolls [rad].
 
+    Raises:
+        ConfigError: An azimuth that is known is over two turns, as if in degrees.
+
     Examples:
         >>> springs = {"K_sn": 600, "K_dn": 300, "K_st": 400}  # A = B = 200 N/m
         >>> params = Parameters(**springs, C_rr=0.5, C_d=0.25, L=0.025)
@@ -53,7 +59,10 @@ def critical_angle(
         >>> round(math.tan(theta_c), 6)
         2.0
     """
-    return grasp.law.critical_angle(params, grasp, as_float(alpha))
+    alpha = as_float(alpha)
+    if not isinstance(alpha, Tracer):
+        check_angles("critical_angle: alpha", alpha, most=4 * math.pi)
+    return grasp.law.critical_angle(params, grasp, alpha)
 
 
 def soft_axis(params: Parameters) -> Scalar:
@@ -94,6 +103,9 @@ def best_direction(
         α* within the reach; of all azimuths, in [0, π): a push and its opposite are
         alike [rad].
 
+    Raises:
+        ConfigError: The reach ends before it begins, or after more than a turn.
+
     Examples:
         >>> springs = {"K_sn": 600, "K_dn": 300, "K_st": 400}
         >>> params = Parameters(**springs, C_rr=0.5, C_d=0.25, L=0.025, e1=0.8)
@@ -105,9 +117,15 @@ def best_direction(
         >>> round(math.degrees(alpha), 6)  # as far as the finger reaches
         30.0
     """
+    low, high = reach
+    if not low <= high <= low + 2 * math.pi + ROUNDING:
+        raise ConfigError(
+            f"best_direction: reach = ({low:g}, {high:g}): must be (low, high) with "
+            "low <= high <= low + 2 pi, in radians",
+            code="input_range",
+        )
     if grasp.support_span is not None:
         return _least_resistance(params, grasp, theta, reach=reach)
-    low, high = reach
     axis = soft_axis(params)
     if is_whole(reach):
         return axis

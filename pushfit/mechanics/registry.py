@@ -130,7 +130,7 @@ def mechanics_named(name: str) -> Mechanics:
     module = _module_of(name)
     if module is not None:
         return module.MECHANICS
-    known = ", ".join(f'"{one}"' for one in ("auto", *BUILT_IN))
+    known = ", ".join(f'"{one}"' for one in BUILT_IN)
     raise LookupError(
         f"must be {known}, or the name of mechanics of your own, for which Python "
         f"finds no module {PREFIX}{name} with a record MECHANICS"

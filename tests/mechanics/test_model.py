@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pushfit import model
+from pushfit.errors import ConfigError
 from pushfit.model import (
     Grasp,
     Parameters,
@@ -389,9 +390,9 @@ def test_every_array_is_double_precision():
     [*((name, 0.0) for name in SIX if name != "C_rr"), ("C_rr", -0.1), ("L", np.nan)],
 )
 def test_what_no_contact_has_is_refused(name, value):
-    with pytest.raises(ValueError, match=f"{name} = {value:g}: must be "):
+    with pytest.raises(ConfigError, match=f"{name} = {value:g}: must be "):
         Parameters(**SIX | {name: value})
-    with pytest.raises(ValueError, match=f"{name} = -0.1: must be "):
+    with pytest.raises(ConfigError, match=f"{name} = -0.1: must be "):
         Parameters(**SIX | {name: -0.1})
 
 
@@ -406,5 +407,5 @@ def test_traced_parameters_are_not_judged():
 
 def test_known_parameters_are_judged_in_a_trace_as_well():
     known = jnp.asarray(0.0, dtype=float)
-    with pytest.raises(ValueError, match="L = 0: must be above 0"):
+    with pytest.raises(ConfigError, match="L = 0: must be above 0"):
         jax.jit(lambda value: Parameters(**SIX | {"K_sn": value, "L": known}))(1.0)

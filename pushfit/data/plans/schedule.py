@@ -20,6 +20,7 @@ from pushfit.data.tables.rules import CHANNELS, check_columns, rules_of_times
 from pushfit.data.text.faults import refuse
 from pushfit.data.text.files import Source
 from pushfit.data.units import in_degrees
+from pushfit.mechanics.ranges import LARGEST, check_angles, check_numbers
 
 KNOWN: Known = {**COMMON, "time": "time"}
 
@@ -38,6 +39,9 @@ class PushSchedule:
         push: Number of every push.
         time: When every push was planned, from any origin; None where unknown [s].
         source: File behind the plan.
+
+    Raises:
+        ConfigError: An elevation is beyond the normal, or an azimuth beyond a turn.
     """
 
     theta: Float[np.ndarray, " n"]
@@ -46,6 +50,11 @@ class PushSchedule:
     push: Int[np.ndarray, " n"]
     time: Float[np.ndarray, " n"] | None = None
     source: Source | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what is no direction, such as degrees."""
+        check_angles("PushSchedule: theta", self.theta, most=np.pi / 2)
+        check_angles("PushSchedule: alpha", self.alpha, most=2 * np.pi)
 
     @property
     def n_pushes(self) -> int:
@@ -100,11 +109,17 @@ class PushSchedule:
             alpha: Azimuths [rad].
             repeats: Pushes per direction.
 
+        Raises:
+            ConfigError: There is no push, or a direction that is none.
+
         Examples:
             >>> plan = PushSchedule.planned(np.array([0.2, 0.4]), 1.5, repeats=2)
             >>> plan.theta.tolist(), plan.repeat.tolist()
             ([0.2, 0.2, 0.4, 0.4], [1, 2, 1, 2])
         """
+        check_numbers(
+            "repeats", repeats, 1.0, LARGEST, rule="a whole number, 1 or above"
+        )
         theta, alpha = (np.ravel(a) for a in np.broadcast_arrays(theta, alpha))
         return cls(
             theta=np.repeat(theta, repeats).astype(float),
