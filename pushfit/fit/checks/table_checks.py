@@ -32,6 +32,9 @@ SETTINGS = {"grasp": GraspSection, "push": PushSection}
 AT_TOP, MORE = 4, 2
 # Directions whose repeats agree to the digit by chance at most.
 FEW_TWINS = 3
+# Heights alike to this share, from elevations at which most contacts roll to some that
+# are as much higher: sines differ by half of their mean [deg].
+ALIKE, LOW = 0.1, 30.0
 # A slip of a unit, as mN among N: about 1000 times the median of all heights, and how
 # far beyond all others. These differ by a factor of 12 from 5° to 85°, as sines do,
 # unless noise hides them [decades]. Fewer heights do not say which of them is wrong.
@@ -206,18 +209,31 @@ def ignored_columns(table: PeakTable) -> Iterator[ResultWarning]:
 
 
 def _equal_heights(table: PeakTable) -> Iterator[ResultWarning]:
-    """Whether a channel reads the same whatever the direction."""
+    """Whether a channel reads the same, or nearly, whatever the direction."""
     rows = np.flatnonzero(table.is_used)
     if rows.size < MIN_TESTED or np.unique(table.groups[rows]).size < 2:
         return
+    slopes = np.degrees(np.abs(table.theta[rows]))
+    low, high = np.min(slopes), np.max(slopes)
     for channel in table.channels:
         heights = table.heights(channel)[rows]
+        column = f"{channel}_{table.unit}"
+        mean, sd = np.mean(heights), np.std(heights)
         if np.ptp(heights) == 0:
             yield ResultWarning(
                 code="equal_heights",
-                text=f"{channel}_{table.unit} is {heights[0]:g} in all {rows.size} "
+                text=f"{column} is {heights[0]:g} in all {rows.size} "
                 "pushes, whatever the direction; look whether the sensor was "
                 "connected and not saturated, and whether the column is the right one",
+            )
+        elif sd < ALIKE * abs(mean) and low <= LOW and high - low >= LOW:
+            yield ResultWarning(
+                code="alike_heights",
+                text=f"{column} is {mean:.3g} ± {sd:.1g} in all directions, from θ = {low:.3g}° to "
+                f"{high:.3g}°, where a contact that rolls resists by sin θ; pushes that end at "
+                "a force, or a sensor that shows the grip, do the same and tell "
+                "nothing of θ_c: look whether all pushes were equally long, and what "
+                "the column is",
             )
 
 

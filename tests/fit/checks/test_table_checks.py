@@ -296,6 +296,29 @@ def test_a_few_equal_heights_or_those_of_one_direction_may_be_so(theta_deg, said
 
 
 @pytest.mark.parametrize(
+    ("low", "high", "noise", "said"),
+    [
+        (10.0, 80.0, 0.05, True),
+        # Of a contact that does not roll there and is as stiff both ways.
+        (45.0, 80.0, 0.05, False),
+        (10.0, 30.0, 0.05, False),
+        (10.0, 80.0, 0.5, False),
+    ],
+)
+def test_heights_that_are_alike_in_all_directions_are_no_proof_of_theta_c(
+    low, high, noise, said
+):
+    """As of pushes that end at a force; a contact that rolls gives sin θ."""
+    theta_deg = np.repeat(np.linspace(low, high, 8), 3)
+    scatter = np.random.default_rng(1).standard_normal(24)
+    found = codes(signed(theta_deg, 2.0 + noise * scatter))
+    assert ("alike_heights" in found) is said
+    assert "equal_heights" not in found
+    rolled = signed(theta_deg, 2.0 * np.sin(np.radians(theta_deg)))
+    assert "alike_heights" not in codes(rolled)
+
+
+@pytest.mark.parametrize(
     ("text", "is_said"),
     [
         ("", True),
