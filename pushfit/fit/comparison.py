@@ -180,7 +180,8 @@ def compare_models(
     for warning in table_warnings(table, config):
         if warning.code in WRONG:
             raise DataError(
-                f"no models are compared: {warning.text}", code=warning.code
+                f"{table.place}: no models are compared: {warning.text}",
+                code=warning.code,
             )
     # Other noise is one of the models, not what all of them have.
     plain = with_plain_noise(config)

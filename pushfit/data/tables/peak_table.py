@@ -148,6 +148,11 @@ class PeakTable:
         return cls.from_frame(pd.DataFrame(columns))
 
     @property
+    def place(self) -> str:
+        """What messages call it: the files behind the rows, as the user named them."""
+        return ", ".join(source.path for source in self.sources) or "table"
+
+    @property
     def n_pushes(self) -> int:
         """Number of rows, used or not."""
         return len(self.frame)

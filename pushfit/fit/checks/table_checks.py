@@ -229,11 +229,11 @@ def _equal_heights(table: PeakTable) -> Iterator[ResultWarning]:
         elif sd < ALIKE * abs(mean) and low <= LOW and high - low >= LOW:
             yield ResultWarning(
                 code="alike_heights",
-                text=f"{column} is {mean:.3g} ± {sd:.1g} in all directions, from θ = {low:.3g}° to "
-                f"{high:.3g}°, where a contact that rolls resists by sin θ; pushes that end at "
-                "a force, or a sensor that shows the grip, do the same and tell "
-                "nothing of θ_c: look whether all pushes were equally long, and what "
-                "the column is",
+                text=f"{column} is {mean:.3g} ± {sd:.1g} in all directions, from θ = "
+                f"{low:.3g}° to {high:.3g}°, where a contact that rolls resists by "
+                "sin θ; pushes that end at a force, or a sensor that shows the grip, "
+                "do the same and tell nothing of θ_c: look whether all pushes were "
+                "equally long, and what the column is",
             )
 
 

@@ -77,8 +77,9 @@ def build_problem(table: PeakTable, config: GraspConfig) -> Setup:
     used = np.flatnonzero(table.is_used)
     if used.size == 0:
         raise DataError(
-            f"all {table.n_pushes} pushes are flagged (saturated, clipped, in a gap or "
-            "out of contact), so none is left to fit; look at the flags column",
+            f"{table.place}: all {table.n_pushes} pushes are flagged (saturated, "
+            "clipped, in a gap or out of contact), so none is left to fit; look at the "
+            "flags column",
             code="no_usable_push",
         )
     check_informative(table, config)

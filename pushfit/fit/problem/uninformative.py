@@ -24,17 +24,18 @@ def check_informative(table: PeakTable, config: GraspConfig) -> None:
     for channel in table.channels:
         if not np.any(table.heights(channel)[used]):
             raise DataError(
-                f"the column {channel} holds only zeros, which show no stiffness and "
-                "no critical angle; push further or with a more sensitive sensor, "
-                "until the heights rise above their noise, or leave the column out",
+                f"{table.place}: the column {channel} holds only zeros, which show no "
+                "stiffness and no critical angle; push further or with a more "
+                "sensitive sensor, until the heights rise above their noise, or leave "
+                "the column out",
                 code="no_height",
             )
     value, _ = config.grasp.preload
     if value == 0 and not np.any(table.theta[used]):
         raise DataError(
-            "all pushes go along the surface (θ = 0°), where a contact without a "
-            "preload carries no force: they show neither A, B nor C_rr, and so no θ_c; "
-            "push at several elevations, such as 15°, 30°, 45°, 60° and 75°, or state "
-            "[grasp] preload_n if the finger was pressed on before",
+            f"{table.place}: all pushes go along the surface (θ = 0°), where a contact "
+            "without a preload carries no force: they show neither A, B nor C_rr, and "
+            "so no θ_c; push at several elevations, such as 15°, 30°, 45°, 60° and "
+            "75°, or state [grasp] preload_n if the finger was pressed on before",
             code="no_elevation",
         )

@@ -152,7 +152,8 @@ def draw_top(
     axes.text(1.03, -0.05, "x", fontsize=9)
     if marker.estimates:
         _label(axes, math_symbol("alpha_star"), marker.estimates[0], down=False)
-    words = f"from above: along {math_symbol('alpha_star')}\nit gives way most easily"
+    above, along = math_symbol("theta_c"), math_symbol("alpha_star")
+    words = f"from above: above {above} it gives\nway most easily along {along}"
     axes.text(0, -1.12, words, ha="center", va="top", parse_math=True)
     axes.text(-1.1, -0.9, "lines: pushed\nsector: within reach", fontsize=8, color=GREY)
     axes.set(xlim=(-1.35, 1.35), ylim=(-1.7, 1.3), aspect="equal")

@@ -53,6 +53,10 @@ N_CURVE = 60
 # Where people push, and as many ticks as have room in a column.
 TICKS = {"theta": (15, 30, 45, 90), "alpha": (30, 60, 90)}
 MAX_TICKS = 10
+# Room beside what is drawn, as a share of the axis.
+MARGIN = 0.03
+# No curve goes on beyond its ends.
+BEYOND = {"left": np.nan, "right": np.nan}
 # Angles that differ by less are one [deg].
 SAME_DEG = 1e-2
 
@@ -101,6 +105,11 @@ class Marker:
     pieces: Pieces = ()
     text: str = ""
     fixed_deg: float | None = None
+
+    @property
+    def marked(self) -> list[float]:
+        """Values, and ends of the set but for open ones [deg]."""
+        return [*self.estimates, *(e for p in self.pieces for e in p if e is not None)]
 
     @property
     def title(self) -> str:
@@ -158,10 +167,14 @@ def draw_marker(
     """Mark a quantity and its set on the angle axis, and on the curve it belongs to.
 
     Args:
-        axes: Cartesian axes with the angle in degrees along x, limits already set.
+        axes: Cartesian axes with the angle in degrees along x, which holds the curves.
         sweep: The curve; None where the quantity belongs to all of them.
     """
-    low, high = axes.set_xlim(axes.get_xlim())
+    low, high = axes.get_xlim()
+    room = MARGIN * (high - low)
+    low = min([low, *(value - room for value in marker.marked)])
+    high = max([high, *(value + room for value in marker.marked)])
+    axes.set_xlim(low, high)
     for start, end in marker.pieces:
         left = low if start is None else max(start, low)
         right = high if end is None else min(end, high)
@@ -170,15 +183,14 @@ def draw_marker(
             _draw_extent(axes, left, right, colour=colour)
             if sweep is not None:
                 grid = sweep.grid_deg
-                inside = np.linspace(max(left, grid[0]), min(right, grid[-1]), N_CURVE)
-                curve = np.interp(inside, sweep.grid_deg, sweep.best_fit)
+                inside = np.linspace(left, right, N_CURVE)
+                curve = np.interp(inside, grid, sweep.best_fit, **BEYOND)
                 axes.plot(inside, curve, color=colour, lw=6, alpha=0.4, zorder=2.5)
     for value in marker.estimates:
-        if low <= value <= high:
-            axes.axvline(value, color=colour, lw=1.1, ls=DASHED, zorder=2)
-            if sweep is not None:
-                height = np.interp(value, sweep.grid_deg, sweep.best_fit)
-                axes.plot(value, height, "o", color=colour, mec="white", ms=7, zorder=5)
+        axes.axvline(value, color=colour, lw=1.1, ls=DASHED, zorder=2)
+        if sweep is not None:
+            height = np.interp(value, sweep.grid_deg, sweep.best_fit, **BEYOND)
+            axes.plot(value, height, "o", color=colour, mec="white", ms=7, zorder=5)
     if marker.text:
         axes.set_title(
             marker.title,
@@ -239,14 +251,14 @@ def draw_panel(
     words = {"theta": "push elevation θ [°]", "alpha": "push azimuth α [°]"}
     axes.set_xlabel(words[swept])
     axes.set_ylabel(channel_label(channel, unit))
-    axes.margins(x=0.03, y=0.12)
-    set_angle_ticks(axes, swept)
+    axes.margins(x=MARGIN, y=0.12)
     if marker is not None:
         own = _sweep_of(marker, sweeps)
         if own is None:
             draw_marker(axes, marker)
         else:
             draw_marker(axes, marker, sweep=sweeps[own], colour=colours[own])
+    set_angle_ticks(axes, swept)
     title = "pushes"
     if any(sweep.grid_deg.size for sweep in sweeps):
         title += ", fit"
@@ -335,7 +347,7 @@ def draw_polar(axes: "Axes", sweeps: Sequence[Sweep], marker: Marker) -> None:
 
 def _wedge(sweeps: Sequence[Sweep], marker: Marker) -> tuple[float, float]:
     """Azimuths between which there is something to see, in steps of 30° [deg]."""
-    seen = np.concatenate([*(s.angle_deg for s in sweeps), np.array(marker.estimates)])
+    seen = np.concatenate([*(s.angle_deg for s in sweeps), np.array(marker.marked)])
     low = 30.0 * np.floor(seen.min(initial=90.0) / 30)
     high = 30.0 * np.ceil(seen.max(initial=90.0) / 30)
     return (low, high) if high - low < 300 else (0.0, 360.0)

@@ -34,3 +34,26 @@ def test_scores_are_printed_and_untrusted_ones_change_the_exit_code(
     assert main([*words, "--json"]) == code
     found = json.loads(capsys.readouterr().out)
     assert found["status"] == status.name.lower()
+
+
+@pytest.mark.parametrize("command", ["compare", "fit"])
+@pytest.mark.parametrize(
+    ("column", "value", "words"),
+    [
+        ("flags", "saturated", "all 51 pushes are flagged"),
+        ("height_n", 0.0, "the column height holds only zeros"),
+        ("theta_deg", 0.0, "all pushes go along the surface"),
+    ],
+)
+def test_a_table_that_tells_nothing_is_named(
+    command, column, value, words, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    table = case_table(CASES["firm"], noise=0.03, seed=1)
+    changed = table.frame.assign(**{column: value})
+    write_table(type(table).from_frame(changed), "peaks.csv")
+    assert main([command, "peaks.csv"]) == 3
+    said = capsys.readouterr().err
+    if command == "compare" and column == "height_n":
+        words = "no models are compared: height_n is 0 in all 51"
+    assert f"peaks.csv: {words}" in said

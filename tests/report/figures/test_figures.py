@@ -14,6 +14,7 @@ from pushfit.data.tables.traces import envelope
 from pushfit.report.figures import (
     Marker,
     all_figures,
+    alpha_figure,
     coverage_figure,
     main_figure,
     quantity_figure,
@@ -32,6 +33,7 @@ from pushfit.report.figures.style import (
     figure_bytes,
     series_colours,
 )
+from pushfit.report.figures.sweeps import Sweep
 from tests.tolerances import EXACT
 
 # 80 000 steps, one in 9 of them independent: 0.011 per lag, five of them.
@@ -158,6 +160,35 @@ def test_an_open_set_is_shaded_to_the_border():
     shade = axes.patches[-1].get_extents().transformed(axes.transData.inverted())
     assert abs(shade.x0 - 61.0) < PIXELS
     assert abs(shade.x1 - axes.get_xlim()[1]) < PIXELS
+
+
+def test_a_set_beyond_the_pushes_is_drawn_to_its_end():
+    """Azimuths up to 60°, and a set that ends at 75°, where there is no curve."""
+    angle = np.linspace(0.0, 60.0, 7)
+    sweep = Sweep(
+        fixed_deg=30.0,
+        angle_deg=angle,
+        height=2.0 - angle / 60,
+        sd=np.full(7, 0.1),
+        is_used=np.ones(7, dtype=bool),
+        grid_deg=angle,
+        lower=np.empty(0),
+        upper=np.empty(0),
+        best_fit=2.0 - angle / 60,
+    )
+    marker = Marker(name="alpha_star", estimates=(66.0,), pieces=((50.0, 75.0),))
+    marker = replace(marker, fixed_deg=30.0)
+    axes, polar = alpha_figure([sweep], unit="n", prob=0.9, marker=marker).axes
+    assert axes.get_xlim()[1] > 75.0
+    shade = axes.patches[-1].get_extents().transformed(axes.transData.inverted())
+    assert abs(shade.x1 - 75.0) < PIXELS
+    assert np.degrees(polar.get_xlim()[1]) == pytest.approx(90.0)
+    # Nothing is drawn on the curve where there is none.
+    thick = next(line for line in axes.lines if line.get_lw() == 6)
+    point = next(line for line in axes.lines if line.get_mec() == "white")
+    x, y = thick.get_data()
+    assert np.max(x[np.isfinite(y)]) <= 60.0
+    assert np.isnan(point.get_ydata()).all()
 
 
 def test_profile_and_draws_of_an_axis_share_one_half_turn(make_identification):
