@@ -48,7 +48,7 @@ BAND, POLAR_SHADE = 0.18, 0.09
 LEGEND_FRAME, LEGEND_ROW = 0.25, 0.17
 # Height of a figure without its legend, alone and beside polar axes [inch].
 ALONE, BESIDE = 3.4, 3.2
-# Points of a curve that is drawn thicker along a set: no corner is seen.
+# Points of a curve or an arc along a set: no corner is seen.
 N_CURVE = 60
 # Where people push, and as many ticks as have room in a column.
 TICKS = {"theta": (15, 30, 45, 90), "alpha": (30, 60, 90)}
@@ -329,11 +329,12 @@ def draw_polar(axes: "Axes", sweeps: Sequence[Sweep], marker: Marker) -> None:
         draw_sweep(axes, sweep, index=index, colour=colours[index], label="_")
     top = 1.08 * max(float(np.nanmax(s.height, initial=0.0)) for s in sweeps) or 1.0
     for start, end in marker.pieces:
-        ends = np.radians(
-            [0.0 if start is None else start, 180.0 if end is None else end]
-        )
+        low, high = 0.0 if start is None else start, 180.0 if end is None else end
+        inside = np.radians(np.linspace(low, high, N_CURVE))
         for turn in (0.0, np.pi):
-            axes.fill_between(ends + turn, 0, top, color=BLACK, alpha=POLAR_SHADE, lw=0)
+            axes.fill_between(
+                inside + turn, 0, top, color=BLACK, alpha=POLAR_SHADE, lw=0
+            )
     for value in np.radians(marker.estimates):
         for turn in (0.0, np.pi):
             axes.plot([value + turn] * 2, [0, top], color=BLACK, lw=1.1, ls=DASHED)

@@ -183,6 +183,9 @@ def test_a_set_beyond_the_pushes_is_drawn_to_its_end():
     shade = axes.patches[-1].get_extents().transformed(axes.transData.inverted())
     assert abs(shade.x1 - 75.0) < PIXELS
     assert np.degrees(polar.get_xlim()[1]) == pytest.approx(90.0)
+    # A sector, no triangle: half way the shade is as far out.
+    outline = polar.collections[-2].get_paths()[0].vertices
+    assert np.max(outline[np.abs(outline[:, 0] - np.radians(62.5)) < 0.02, 1]) > 2.0
     # Nothing is drawn on the curve where there is none.
     thick = next(line for line in axes.lines if line.get_lw() == 6)
     point = next(line for line in axes.lines if line.get_mec() == "white")
