@@ -100,7 +100,10 @@ RNG = np.random.default_rng(0)
             ('Grasp: mechanics = "tilted": must be "linear", "tilting"',),
         ),
         (lambda: Session(rate=0.0), ("Session: rate = 0: must be above 0",)),
-        (lambda: Session(noise=-1.0), ("Session: noise = -1: must be 0 or above",)),
+        (
+            lambda: Session(noise=-1.0),
+            ("Session: noise = -1: must be finite, 0 or above",),
+        ),
         (lambda: Session(level=math.nan), ("Session: level = nan: must be a finite",)),
         (lambda: Session(step=1.5), ("Session: step = 1.5: must be from 0 to 1",)),
         (

@@ -130,7 +130,7 @@ NUMBERS: tuple[tuple[tuple[str, ...], float, float, str], ...] = (
         ("rise", "rate", "quantum", "angle_resolution"),
         *(ABOVE_ZERO, LARGEST, "above 0"),
     ),
-    (("hold", "rest", "jitter", "noise"), 0.0, LARGEST, "0 or above"),
+    (("hold", "rest", "jitter", "noise"), 0.0, LARGEST, "finite, 0 or above"),
     (("level", "drift"), -LARGEST, LARGEST, "a finite number"),
     (("step", "undershoot"), 0.0, 1.0, "from 0 to 1, a share of the height"),
     (("limit",), -LARGEST, math.inf, "a number, or None for no limit"),
