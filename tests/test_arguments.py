@@ -118,10 +118,6 @@ RNG = np.random.default_rng(0)
             lambda: pushfit.identify(FRAME, progress="a"),  # type: ignore
             ("identify: progress = 'a': must be a Callable or None",),
         ),
-        (
-            lambda: pushfit.identify_batch(5, "out"),  # type: ignore
-            ("identify_batch: inputs = 5: must be a str or a path",),
-        ),
         (lambda: SIMULATE(noise=-0.1, rng=RNG), ("noise = -0.1: must be 0 or above",)),
         (lambda: SIMULATE(noise=np.ones(3), rng=RNG), ("noise = [1. 1. 1.]", "2 push")),
         (

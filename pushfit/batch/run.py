@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from pushfit.arguments import checked
 from pushfit.batch.folders import (
     FOLDER,
     REPORT,
@@ -31,6 +30,7 @@ from pushfit.batch.population import pool_items
 from pushfit.batch.rows import Row, collect
 from pushfit.batch.store import Finished, Store, open_store
 from pushfit.batch.workers import Work, Workers
+from pushfit.data.text.faults import listed
 from pushfit.errors import ConfigError, DataError, check_seed
 from pushfit.fit.identify.fitted import check_engine
 from pushfit.fit.identify.identify_many import identify_many
@@ -53,7 +53,7 @@ class Batch:
         n_computed: Results that were computed now; duplicates count once.
         n_kept: Results that the folder had and that are still valid.
         left_out: Files among the inputs that are none and go with none.
-        notice: What the user should know about the store; empty if nothing.
+        notice: What the user should know about store and settings; empty if nothing.
     """
 
     rows: tuple[Row, ...]
@@ -66,7 +66,6 @@ class Batch:
     notice: str
 
 
-@checked
 def identify_batch(
     inputs: str | Path | Sequence[str | Path],
     out: str | Path,
@@ -169,7 +168,20 @@ def identify_batch(
         n_computed=len(missing) - n_failed,
         n_kept=len(unique) - len(missing),
         left_out=found.left_out,
-        notice=notice,
+        notice="; ".join(filter(None, [notice, _unread(plan, common["config"])])),
+    )
+
+
+def _unread(plan: Plan, config: Path | None) -> str:
+    """What to know where all items have settings of their own."""
+    taken = list(dict.fromkeys(item.config_from for item in plan.items))
+    if config is None or not taken:
+        return ""
+    if config.resolve() in [Path(name).resolve() for name in taken]:
+        return ""
+    return (
+        f"{config}: no item takes these settings, as those that lie beside the items "
+        f"come first: {listed(taken)}; change or remove those, if these are to count"
     )
 
 

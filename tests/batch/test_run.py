@@ -151,6 +151,16 @@ def test_other_settings_are_another_question(runs):
     assert sources == ["defaults", "runs/b.toml", "defaults"]
 
 
+def test_common_settings_that_no_item_takes_are_told_of(runs):
+    common = runs.parent / "common.toml"
+    common.write_text("[push]\nlength_mm = 2.0\n")
+    assert not run(config=common).notice
+    (runs / "grasp.toml").write_text("[push]\nlength_mm = 3.0\n")
+    notice = run(config=common).notice
+    assert f"{common}: no item takes these settings" in notice
+    assert "runs/grasp.toml" in notice
+
+
 def test_a_comment_in_the_settings_is_no_change(runs):
     (runs / "grasp.toml").write_text("[push]\nlength_mm = 3.0\n")
     run()
