@@ -121,6 +121,16 @@ def test_a_command_that_has_no_such_option_names_the_key(tmp_path, capsys):
         assert f"in n by {word}\n" in capsys.readouterr().err
 
 
+def test_a_column_without_a_unit_that_is_named_as_channel_is_told_so(tmp_path, capsys):
+    path = tmp_path / "log.csv"
+    path.write_text("time_s,c,f_n\n" + "".join(f"{k / 100},1,{k}\n" for k in range(9)))
+    assert main(["peaks", str(path), "--channel", "c"]) == 2
+    said = capsys.readouterr().err
+    assert "column 'c' states no unit, so it is no channel; state --unit c=n" in said
+    assert main(["peaks", str(path), "--channel", "g"]) == 2
+    assert "channel 'g' is not there; the recording has f" in capsys.readouterr().err
+
+
 def test_what_is_kept_of_a_table_is_in_the_words_of_its_command(tmp_path):
     """The notes that a summary and a page repeat: dips, which may be pushes."""
     time = np.arange(0.0, 30.0, 0.01)

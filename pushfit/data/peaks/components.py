@@ -19,6 +19,7 @@ from pushfit.data.peaks.rests import rests_of
 from pushfit.data.peaks.saturation import saturated_pushes
 from pushfit.data.pushes.dips import rest_curves
 from pushfit.data.pushes.found_humps import Extent
+from pushfit.data.recordings.recognise import if_in
 from pushfit.data.recordings.records import Recording
 from pushfit.data.tables.traces import (
     MAX_KEPT,
@@ -28,7 +29,7 @@ from pushfit.data.tables.traces import (
 )
 from pushfit.data.text.faults import listed
 from pushfit.data.units import Unit, split_unit
-from pushfit.errors import ConfigError, DataError
+from pushfit.errors import ConfigError, DataError, stated
 from pushfit.parameters import TINY
 
 # Share of the width to either side of the top that the components are averaged over.
@@ -295,6 +296,12 @@ def _channel(recording: Recording, wanted: str | None) -> str:
         return names[0]
     if wanted in recording.channels:
         return str(wanted)
+    if wanted in recording.ignored:
+        raise ConfigError(
+            f"column {wanted!r} states no unit, so it is no channel; state "
+            f"{stated(units={wanted: 'n'})}{if_in('n', 'signal')}",
+            code="channel",
+        )
     found = (
         f"channel {wanted!r} is not there" if wanted else "which channel is not said"
     )

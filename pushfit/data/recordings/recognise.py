@@ -9,6 +9,7 @@ all that is stated must agree. Excluded: which columns a kind of file needs
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
+from pushfit.data.text.faults import listed
 from pushfit.data.units import (
     UNITS,
     Dimension,
@@ -118,3 +119,9 @@ class RecordingColumns:
 def units_of(quantity: Dimension) -> list[str]:
     """Names of the units of a quantity."""
     return [unit.name for unit in UNITS.values() if unit.quantity == quantity]
+
+
+def if_in(unit: str, quantity: Dimension) -> str:
+    """End of an example: its unit is but one of those that may be meant."""
+    known = listed(units_of(quantity))
+    return f" (if it is in {unit}; known are {known}: convert others)"

@@ -191,6 +191,7 @@ def _foreign_samples(
         sources=(Source(path=path, sha256=sha256_of(path), dialect=table.dialect),),
         notes=(f"recognised {table.dialect}", *roles.notes),
         cautions=(*table.cautions, *roles.cautions),
+        ignored=roles.ignored,
     )
 
 
@@ -263,6 +264,7 @@ def _samples(
             *cells.notes,
         ),
         cautions=roles.cautions,
+        ignored=roles.ignored,
     )
 
 

@@ -30,6 +30,7 @@ class Recording:
         sources: Files behind the samples.
         notes: What the reader recognised, dropped or filled in, for the user.
         cautions: Further notes, which the user should not overlook.
+        ignored: Columns of the file that are no channels, as they state no unit.
         stated: Unit of each channel in the file, where it is known.
     """
 
@@ -41,6 +42,7 @@ class Recording:
     sources: tuple[Source, ...] = ()
     notes: tuple[str, ...] = ()
     cautions: tuple[str, ...] = ()
+    ignored: tuple[str, ...] = ()
     stated: dict[str, Unit] = field(default_factory=dict)
 
     def between(self, begin: float | None, end: float | None) -> "Recording":

@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from pushfit.data.recordings.recognise import ANGLES, RecordingColumns, units_of
+from pushfit.data.recordings.recognise import ANGLES, RecordingColumns, if_in
 from pushfit.data.text.dialects import Layout
 from pushfit.data.text.faults import data_error, listed, problem
 from pushfit.data.text.layout_guess import Stamp, stamp_of
@@ -67,15 +67,24 @@ class ColumnRoles:
             of the earlier one were never filled in (all zero).
         channels: Signals.
         angles: Push angles.
-        notes: Columns that were ignored, for the user.
+        ignored: Names of columns without a role.
         cautions: Columns that look like what was stated otherwise.
     """
 
     clocks: tuple[Role, ...]
     channels: tuple[Role, ...]
     angles: tuple[Role, ...]
-    notes: tuple[str, ...]
+    ignored: tuple[str, ...]
     cautions: tuple[str, ...]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was ignored, for the user."""
+        return (
+            (f"ignored columns without a role: {listed(self.ignored)}",)
+            if self.ignored
+            else ()
+        )
 
 
 class _Columns(RecordingColumns):
@@ -159,16 +168,15 @@ def assign_roles(
             f"no column states a signal unit: {listed(columns.names)}; rename one, "
             "such as pressure_kpa, or state "
             f"{stated(mapping={channel: first}, units={channel: unit})}{how}"
-            f"{_if_in(unit, 'signal')}",
+            f"{if_in(unit, 'signal')}",
         )
     if columns.problems:
         raise data_error(columns.problems)
-    notes = (f"ignored columns without a role: {listed(ignored)}",) if ignored else ()
     return ColumnRoles(
         clocks=tuple(clocks),
         channels=tuple(channels),
         angles=tuple(angles),
-        notes=notes,
+        ignored=tuple(ignored),
         cautions=_beside_rate(columns, rate) if rate and not clocks else (),
     )
 
@@ -374,7 +382,7 @@ def _checked(
     columns.add(
         "missing_unit" if unit is None else "wrong_unit",
         f"{found}; rename it to {split_unit(name)[0]}_{example}, or state "
-        f"{stated(units={role: example})}{_if_in(example, quantity)}",
+        f"{stated(units={role: example})}{if_in(example, quantity)}",
         column=name,
     )
     return None
@@ -383,9 +391,3 @@ def _checked(
 def _example(name: str) -> tuple[str, str]:
     """A channel and a unit that samples may have, by what they are called."""
     return ("force", "n") if "force" in name.lower() else ("pressure", "counts")
-
-
-def _if_in(unit: str, quantity: Dimension) -> str:
-    """End of an example: its unit is but one of those that may be meant."""
-    known = listed(units_of(quantity))
-    return f" (if it is in {unit}; known are {known}: convert others)"

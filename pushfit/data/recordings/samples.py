@@ -43,6 +43,7 @@ class Samples:
         sources: Files behind the samples.
         notes: What the reader said so far.
         cautions: Of that, what the user should not overlook.
+        ignored: Names of columns that are no channels.
     """
 
     path: str
@@ -55,6 +56,7 @@ class Samples:
     sources: tuple[Source, ...] = ()
     notes: tuple[str, ...] = ()
     cautions: tuple[str, ...] = ()
+    ignored: tuple[str, ...] = ()
 
 
 def build_recording(
@@ -112,6 +114,7 @@ def build_recording(
         sources=samples.sources,
         notes=tuple(findings.notes),
         cautions=tuple(findings.cautions),
+        ignored=samples.ignored,
         # Volts with a gain are read as what it leads to.
         stated={
             name: unit

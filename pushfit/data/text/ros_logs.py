@@ -45,6 +45,8 @@ _NAMED_PAIR = re.compile(rf"{_NAMED}\s*[:=]\s*(?P<value>{VALUE})\s*(?:,|;|$|\s)"
 _SENTENCE = re.compile(
     rf"{_NAMED}\s+(?:is\s+)?(?P<value>{VALUE})\s*(?P<unit>[^\W\d]\S*?)?\.?"
 )
+# Beside pairs there may be sentences: `f 3.2, state=3`. A decimal comma ends none.
+_BETWEEN = re.compile(r"\s*[,;](?:\s+|$)")
 _LIST = re.compile(
     rf"(?:(?P<key>{_NAME})\s*(?:[:=]|is\b)?\s*)?"
     rf"[\[(]\s*(?P<cells>{VALUE}(?:(?:\s*,\s*|\s+){VALUE})*)\s*[\])]"
@@ -154,12 +156,15 @@ def _records(
 
 
 def _pairs(text: str, begins: bool, record: LogRecord) -> str | None:
-    """Numbers after names with `:` or `=`, with their units, or a number alone."""
+    """Numbers after names with `:` or `=`, and between them, or a number alone."""
     if begins and re.fullmatch(VALUE, text):
         record.put("value", text)
         return None
     waiting = None
-    for found in _PAIR.finditer(text):
+    pairs = list(_PAIR.finditer(text))
+    for part in _BETWEEN.split(text) if pairs else ():
+        _say(part, record)
+    for found in pairs:
         name, value = found["key"], found["value"]
         if value is None:
             waiting = name
@@ -183,7 +188,13 @@ def _sentences(text: str, begins: bool, record: LogRecord) -> None:
     named = list(_NAMED_PAIR.finditer(text))
     for pair in named:
         record.put(pair["key"], pair["value"])
-    said = None if named else _SENTENCE.fullmatch(text)
+    if not named:
+        _say(text, record)
+
+
+def _say(text: str, record: LogRecord) -> None:
+    """Take the number of a sentence that says nothing else."""
+    said = _SENTENCE.fullmatch(text)
     if said is None or (said["unit"] and find_unit(said["unit"]) is None):
         return
     unit = f" ({said['unit']})" if said["unit"] else ""

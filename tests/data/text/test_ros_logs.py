@@ -49,6 +49,24 @@ def test_a_log_of_ros_is_read_past_what_is_no_reading(tmp_path, line):
     np.testing.assert_allclose(np.diff(recording.time), 0.25, rtol=STAMPS)
 
 
+@pytest.mark.parametrize(
+    "line", ["f (N) {f}, state=3", "state=3, f {f} N;", "n: 7, f {f} N, state: 3"]
+)
+def test_numbers_in_words_beside_pairs_are_read_as_well(tmp_path, line):
+    path = tmp_path / "node.log"
+    rows = [f"[INFO] [160000000{k}.5]: {line.format(f=f)}" for k, f in enumerate(FORCE)]
+    path.write_text("\n".join(rows))
+    assert read_recording(path).channels["f"].tolist() == FORCE.tolist()
+
+
+def test_a_number_in_words_with_a_decimal_comma_is_not_cut_at_it(tmp_path):
+    path = tmp_path / "node.log"
+    rows = [f"[INFO] [160000000{k}.5]: f {k},5, p={k}" for k in range(6)]
+    path.write_text("\n".join(rows))
+    recording = read_recording(path, mapping={"p": "p"}, units={"p": "n"})
+    assert [*recording.channels] == ["p"]
+
+
 def test_a_rospy_log_of_bare_numbers_has_one_column(tmp_path):
     path = tmp_path / "node.log"
     path.write_text(
