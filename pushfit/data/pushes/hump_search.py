@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float, Int, Real
 
 from pushfit.data.pushes.feet import FOOT, SIGMAS, Feet
 from pushfit.data.pushes.humps import Humps
+from pushfit.data.pushes.noise import SignalNoise
 from pushfit.data.pushes.running_means import View
 
 # Smoothing leaves this share of a push, where the least height is asked for: it takes
@@ -26,6 +27,9 @@ _BEYOND_NOISE = 9.0
 # A rest of fewer bins of the trace shows no wander; at the ends it may be but the edge
 # of one. With twelve inside one of 5 pushes of `short_dropouts` is lost.
 _FEWEST_BINS, _FEWEST_AT_ENDS = 6, 15
+# Bins that are averaged, and of a rest that shows how their means scatter. At 42 a
+# press of `p0_Pa` that is cut is lost; at 84 noise is one where it is interpolated.
+_MEAN, _LONG = 3, 60
 # Humps of this share of the largest are pushes beyond doubt.
 _LARGE = 0.25
 # Width of the densest third of a normal distribution [σ].
@@ -70,8 +74,9 @@ def search_humps(
     rests = humps.join(view.split)
     humps = _regained(humps, tops, trace)
     large = _LARGE * float(humps.heights.max(initial=0.0))
-    wander = min(wander, _rest_wander(humps, trace, large))
-    by_noise = max(_BEYOND_NOISE * trace.noise, _SIGNIFICANT * wander)
+    slow, fast = _noise_at_rest(humps, trace, large)
+    wander = min(wander, slow)
+    by_noise = max(_BEYOND_NOISE * max(trace.noise, fast), _SIGNIFICANT * wander)
     smallest = by_noise if view.min_height is None else _SMOOTHED * view.min_height
     humps.drop_below(min(by_noise, smallest))
     pushes = replace(humps)
@@ -113,7 +118,7 @@ def _reduce(view: View, tau: float) -> _Trace:
     from scipy.ndimage import uniform_filter1d  # noqa: PLC0415 - slow to load
 
     time, signal, noise = view.time, view.signal, view.noise
-    step = max(tau / 3, view.course.step)
+    step = max(tau / _MEAN, view.course.step)
     n_bins = max(3, int(np.ceil((time[-1] - time[0]) / step)) + 1)
     edges = time[0] + step * (np.arange(n_bins) - 0.5)
     first = np.searchsorted(time, edges)
@@ -122,13 +127,13 @@ def _reduce(view: View, tau: float) -> _Trace:
     sums = np.add.reduceat(signal, first[filled])
     centres = np.arange(n_bins, dtype=float)
     y = np.interp(centres, centres[filled], sums / counts[filled])
-    smooth = uniform_filter1d(y - signal[0], 3, mode="nearest")
+    smooth = uniform_filter1d(y - signal[0], _MEAN, mode="nearest")
     grain = _GRAIN * noise.sigma
     return _Trace(
         t0=float(time[0]),
         step=step,
         y=grain * np.round(smooth / grain),
-        noise=noise.of_mean(3 * float(np.median(counts[filled]))),
+        noise=noise.of_mean(_MEAN * float(np.median(counts[filled]))),
     )
 
 
@@ -142,8 +147,12 @@ def _maxima(y: Float[np.ndarray, " m"], significant: float) -> Int[np.ndarray, "
     return find_peaks(padded, prominence=significant)[0] - 1
 
 
-def _rest_wander(humps: Humps, trace: _Trace, large: float) -> float:
-    """Slow noise at rest: typical scatter of the smoothed signal between large humps.
+def _noise_at_rest(humps: Humps, trace: _Trace, large: float) -> tuple[float, float]:
+    """Typical slow and fast noise of the smoothed signal between large humps.
+
+    Of slow noise it is the scatter; of fast noise that of means from each to the next,
+    which where neighbouring samples are alike, as interpolated ones, is more than the
+    samples show.
 
     Small humps count as rest here, because they may be nothing else. If they are pushes
     after all, they do not widen the densest third of a rest, but for a short one: of
@@ -155,14 +164,21 @@ def _rest_wander(humps: Humps, trace: _Trace, large: float) -> float:
     start = 0
     for k in [*np.flatnonzero(may_be_large), None]:
         first, last = (len(trace.y), 0) if k is None else _feet(humps, int(k), trace)
-        ordered = np.sort(trace.y[start:first])
-        n_third = len(ordered) // 3
+        rest = trace.y[start:first]
+        ordered, n_third = np.sort(rest), len(rest) // 3
         is_inner = start > 0 and k is not None
         if n_third >= (_FEWEST_BINS if is_inner else _FEWEST_AT_ENDS) // 3:
             densest = np.min(ordered[n_third:] - ordered[: len(ordered) - n_third])
-            scatters.append(float(densest) / _NORMAL_THIRD)
+            fast = 0.0
+            if len(rest) >= _LONG:
+                means = rest[::_MEAN]
+                fast = SignalNoise.of(np.arange(0.0, len(means)), means).sigma
+            scatters.append((float(densest) / _NORMAL_THIRD, fast))
         start = last + 1
-    return sorted(scatters)[(len(scatters) - 1) // 3] if scatters else 0.0
+    if not scatters:
+        return 0.0, 0.0
+    slow, fast = (sorted(own) for own in zip(*scatters, strict=True))
+    return slow[(len(slow) - 1) // 3], fast[(len(fast) - 1) // 2]
 
 
 def _feet(

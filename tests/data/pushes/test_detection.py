@@ -328,3 +328,14 @@ def test_a_valley_high_up_is_a_rest_where_it_is_held_for_longer_than_pushes(
     settings = PeakSettings(split=0.8)
     heights = measure_pushes(recording(time, y), settings=settings).frame["height_n"]
     np.testing.assert_allclose(heights, [100.0, second], atol=LEVEL)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("more", [1.1, 1.2])
+def test_noise_between_interpolated_samples_is_no_push(seed, more):
+    """Their neighbours differ by less than the noise that is left in their means."""
+    time = np.arange(0.0, 96.0, 1 / 16)
+    y = 10 * np.clip(1 - np.abs(time % 8 - 4), 0, 1)
+    y += np.random.default_rng(seed).standard_normal(len(time))
+    finer = np.linspace(time[0], time[-1], int(more * len(time)))
+    assert len(found(finer, np.interp(finer, time, y))) == len(found(time, y)) == 12
