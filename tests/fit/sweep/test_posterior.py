@@ -315,15 +315,53 @@ def test_uneven_draws_are_drawn_anew(n_draws, ess, pareto_k, is_even, monkeypatc
     ids=["at once", "two in a row", "never two", "none"],
 )
 def test_draws_are_trusted_after_others_that_are(tails, taken, monkeypatch):
-    """Above k = 0.7 they are not; without two in a row the evenest are taken."""
+    """Above k = 0.7 they are not; without two in a row the evenest are taken.
+
+    Each mixture is fitted to the draws before, and stands beside the first.
+    """
     many = [draws_of(2 * engine.N_DRAWS, ess=engine.ENOUGH, pareto_k=k) for k in tails]
-    mixture = SimpleNamespace(beside=lambda other: other)
+    asked = []
+
+    def mixture(target, found, *_):
+        own = [tails.index(found.pareto_k)]
+        return SimpleNamespace(parts=own, beside=lambda other: both(own, other.parts))
+
+    def both(own, others):
+        return SimpleNamespace(parts=own + others)
+
+    def proposed(target, mixture, _):
+        asked.append(mixture.parts)
+        return many.pop(0)
+
     monkeypatch.setattr(engine, "_swept", lambda *_: many.pop(0))
-    monkeypatch.setattr(engine, "_mixture", lambda *_: mixture)
-    monkeypatch.setattr(engine, "_proposed", lambda *_: many.pop(0))
+    monkeypatch.setattr(engine, "_mixture", mixture)
+    monkeypatch.setattr(engine, "_proposed", proposed)
     target = make_target(KINDS["plain"].setup(0).problem, ALPHA)
     assert engine.weighted_draws(target, seed=0).pareto_k == taken
     assert not many
+    fitted_to = [tails.index(k) for k in tails[:-1]]
+    assert asked == [[0], *([0, k] for k in fitted_to[1:])]
+
+
+@pytest.mark.parametrize(
+    ("pareto_k", "n_steps"), [(0.65, engine.N_STEPS), (0.75, engine.N_FAR_STEPS)]
+)
+def test_walkers_go_farther_from_draws_that_are_not_to_be_trusted(
+    pareto_k, n_steps, monkeypatch
+):
+    rng, walked = np.random.default_rng(0), []
+    found = draws_of(engine.N_DRAWS, ess=engine.ENOUGH, pareto_k=pareto_k)
+    found = dataclasses.replace(found, x=rng.standard_normal((engine.N_DRAWS, 2)))
+
+    def spread(log_prob, x, n_steps, *_):
+        walked.append(n_steps)
+        return x
+
+    monkeypatch.setattr(engine, "_spread", spread)
+    target = make_target(KINDS["plain"].setup(0).problem, ALPHA)
+    engine._mixture(target, found, rng, np.random.RandomState(0))
+    assert walked == [n_steps]
+    assert engine.N_STEPS < engine.N_FAR_STEPS
 
 
 @pytest.mark.slow
