@@ -13,6 +13,7 @@ import pushfit
 from pushfit.arguments import checked
 from pushfit.data.simulate import Session
 from pushfit.errors import ConfigError
+from pushfit.mechanics.ranges import check_numbers
 
 FRAME = pd.DataFrame({"theta_deg": [30.0], "alpha_deg": [0.0], "height_n": [2.0]})
 PARAMS = pushfit.Parameters(K_sn=600, K_dn=300, K_st=400, C_rr=0.5, C_d=0.25, L=0.025)
@@ -86,6 +87,22 @@ RNG = np.random.default_rng(0)
         (
             lambda: pushfit.Grasp(push_length=5.0),
             ("Grasp: push_length = 5: must be above 0 and at most 1, in metres",),
+        ),
+        (
+            lambda: pushfit.Grasp(push_length=np.array("0.005")),
+            ("'0.005' is text: give a number",),
+        ),
+        (
+            lambda: pushfit.Pushes(np.array(["0.1"]), 0.0),
+            ("['0.1'] is text: give a number",),
+        ),
+        (
+            lambda: check_numbers("noise", "0.1", 0.0, 1.0, rule="0 or above"),
+            ("noise = '0.1': must be a number, 0 or above",),
+        ),
+        (
+            lambda: Session(unit="furlong"),
+            ("Session: unit = 'furlong': must be one of n, kpa, counts, au",),
         ),
         (
             lambda: pushfit.Grasp(push_length=-0.005),

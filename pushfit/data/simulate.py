@@ -9,7 +9,7 @@ other than by the generator that the caller passes.
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 import equinox as eqx
 import numpy as np
@@ -26,6 +26,7 @@ from pushfit.data.units import in_degrees
 from pushfit.errors import ConfigError
 from pushfit.mechanics.ranges import ABOVE_ZERO, LARGEST, check_numbers
 from pushfit.model import Channels, Grasp, Parameters, Pushes, forward
+from pushfit.parameters import SensorUnit
 
 # Components of a recorded force.
 AXES = ("fx", "fy", "fz")
@@ -124,6 +125,7 @@ def simulate_table(
 WORDS: dict[str, tuple[str, ...]] = {
     "shape": ("triangle", "sine", "plateau"),
     "normal": (*AXES, *(f"-{axis}" for axis in AXES)),
+    "unit": get_args(SensorUnit),
 }
 NUMBERS: tuple[tuple[tuple[str, ...], float, float, str], ...] = (
     (

@@ -43,8 +43,18 @@ KNOWN_OF_GRASPS = (
 
 
 def as_float(value: ArrayLike) -> Float[Array, "..."]:
-    """Converter of container fields: any number becomes a float64 array."""
+    """Converter of container fields: any number becomes a float64 array.
+
+    Raises:
+        ConfigError: It is text.
+    """
     if not isinstance(value, Array):
+        value = np.asarray(value)
+        if value.dtype.kind == "U":
+            raise ConfigError(
+                f"{value.tolist()!r} is text: give a number, without quotes",
+                code="input_type",
+            )
         value = np.asarray(value, dtype=np.float64)
     elif value.dtype == np.float64 and not value.weak_type:
         return value  # ten times as fast as converting what is one already

@@ -32,7 +32,10 @@ def check_numbers(
         ConfigError: By the place, the first value outside, and the rule.
     """
     try:
-        numbers = np.atleast_1d(np.asarray(values, dtype=float))
+        given = np.atleast_1d(values)
+        # Of text too NumPy would make numbers.
+        is_text = given.dtype.kind == "U"
+        numbers = given.astype(float, casting="no" if is_text else "unsafe")
     except (TypeError, ValueError):
         shown, rule = repr(values), f"a number, {rule}"
     else:
