@@ -22,6 +22,7 @@ from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.recordings.records import Recording
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.tables.rules import CHANNELS
+from pushfit.data.text.files import check_csv_name
 from pushfit.data.units import in_degrees
 from pushfit.errors import ConfigError
 from pushfit.mechanics.ranges import ABOVE_ZERO, LARGEST, check_numbers
@@ -306,6 +307,7 @@ def simulate_recording(
 
 def write_recording(recording: Recording, path: str | Path) -> None:
     """Write a recording as native CSV; the file is complete or absent."""
+    check_csv_name(path)
     columns: dict[str, Float[np.ndarray, " n"]] = {"time_s": recording.time}
     for name, values in recording.channels.items():
         columns[f"{name}_{recording.units[name]}"] = values

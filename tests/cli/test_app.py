@@ -287,6 +287,31 @@ def test_simulate_is_reproducible(tmp_path):
     assert main(["validate", str(tmp_path / "one.csv")]) == 0
 
 
+def test_simulate_takes_the_unit_of_the_preload(tmp_path):
+    plan, truth = EXAMPLE / "alpha_schedule.csv", EXAMPLE / "truth.toml"
+    made = tmp_path / "made.csv"
+    assert main(["simulate", str(plan), "-c", str(truth), "-o", str(made)]) == 0
+    assert list(read_recording(made).units.values()) == ["kpa"]
+
+
+def test_simulate_names_the_option_for_a_unit_that_the_preload_is_not_in(capsys):
+    plan, truth = EXAMPLE / "alpha_schedule.csv", EXAMPLE / "truth.toml"
+    words = ["simulate", str(plan), "-c", str(truth), "-o", "none.csv"]
+    assert main([*words, "--unit", "counts"]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "--unit kpa" in said
+    assert str(truth) in said
+
+
+@pytest.mark.parametrize("name", ["made.npz", "made.npy", "made.parquet"])
+def test_text_gets_no_name_that_readers_take_for_another_format(name, tmp_path, capsys):
+    plan, truth = EXAMPLE / "alpha_schedule.csv", EXAMPLE / "truth.toml"
+    made = tmp_path / name
+    assert main(["simulate", str(plan), "-c", str(truth), "-o", str(made)]) == 2
+    assert f"{name}: is written as CSV" in " ".join(capsys.readouterr().err.split())
+    assert not made.exists()
+
+
 def test_simulate_says_by_how_much_directions_are_off_without_noise(capsys):
     assert main(["simulate", "--help"]) == 0
     off = np.degrees(Session().angle_resolution) / 2

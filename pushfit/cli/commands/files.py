@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pushfit.cli import options
+from pushfit.cli.asked import UnitOption, sensor_unit
 from pushfit.cli.inputs import load_peaks, naming_settings, read_settings
 from pushfit.cli.output import refuse_existing, refuse_picture, write_text
 from pushfit.cli.session import CommandSession
 from pushfit.errors import DataError, counted
-from pushfit.parameters import SensorUnit
 from pushfit.report.strings import printable
 
 if TYPE_CHECKING:
@@ -199,7 +199,7 @@ def simulate(
     ],
     *,
     config: options.ConfigFile = None,
-    unit: Annotated[SensorUnit, typer.Option(help="Unit of the sensor.")] = "n",
+    unit: UnitOption = None,
     noise: Annotated[
         float,
         typer.Option(
@@ -221,7 +221,11 @@ def simulate(
     plan, settings = read_schedule(schedule), read_config(config)
     with naming_settings(config):
         recording = simulate_from_config(
-            plan, settings, unit=unit, noise=noise, seed=seed
+            plan,
+            settings,
+            unit=sensor_unit(settings, stated=unit),
+            noise=noise,
+            seed=seed,
         )
     write_recording(recording, output)
     session.wrote(output, ": simulated")

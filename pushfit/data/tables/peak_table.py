@@ -25,7 +25,7 @@ from pushfit.data.tables.rules import (
     canonical_frame,
 )
 from pushfit.data.tables.traces import Trace
-from pushfit.data.text.files import Source
+from pushfit.data.text.files import Source, check_csv_name
 from pushfit.data.units import in_degrees
 from pushfit.errors import DataError
 
@@ -304,10 +304,12 @@ def write_table(table: PeakTable, path: str | Path) -> None:
         path: File, replaced if it is there; `.parquet` or `.pq` for Parquet.
 
     Raises:
-        ConfigError: Parquet is asked for and its library is not installed, or the
-            folder of the file does not exist.
+        ConfigError: Parquet is asked for and its library is not installed, the name is
+            that of another format, or the folder of the file does not exist.
     """
     check_parent(path)
+    if not is_parquet(path):
+        check_csv_name(path)
     with atomic_path(path) as temporary:
         if not is_parquet(path):
             table.frame.to_csv(temporary, index=False, lineterminator="\n")

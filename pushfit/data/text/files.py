@@ -197,3 +197,16 @@ def refuse_other_types(start: bytes, path: str) -> None:
         )
     if text.startswith((b"{", b"[{", b"[[")):
         raise refuse("not_csv", "is JSON; export the signals as CSV", path=path)
+
+
+def check_csv_name(path: str | Path) -> None:
+    """Refuse a name by which readers would take CSV for another format.
+
+    Raises:
+        ConfigError: It ends in one of those of NumPy or Parquet.
+    """
+    if (suffix := Path(path).suffix.lower()) in PARQUET | NUMPY:
+        raise ConfigError(
+            f"{path}: is written as CSV, which no {suffix} file is; name a .csv file",
+            code="output_name",
+        )
