@@ -50,7 +50,7 @@ class ItemFailure:
             text = str(error).replace(f"{item}, ", "").removeprefix(f"{item}: ")
             return cls(item=item, stage=stage, code=error.code, message=text)
         if isinstance(error, OSError):
-            place = f"{error.filename}: " if error.filename else ""
+            place = f"{error.filename}: " if error.filename not in (None, item) else ""
             message = f"{place}{error.strerror or error}"
             return cls(item=item, stage=stage, code="file_error", message=message)
         message = f"this is a bug ({type(error).__name__}: {error})"

@@ -254,6 +254,13 @@ def test_a_failure_names_its_item_once_and_no_other(runs):
     assert first.message.startswith("line 4: 2 fields")
 
 
+def test_a_link_to_nothing_is_named_once(runs):
+    (runs / "x_gone.csv").symlink_to("nowhere.csv")
+    (failure,) = run().failures
+    assert (failure.item, failure.code) == ("runs/x_gone.csv", "file_error")
+    assert failure.message == "No such file or directory"
+
+
 def test_a_failure_is_tried_again(runs, log):
     write_tables(runs, "x_reject")
     run()
