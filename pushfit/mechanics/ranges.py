@@ -32,7 +32,7 @@ def check_numbers(
         ConfigError: By the place, the first value outside, and the rule.
     """
     try:
-        given = np.atleast_1d(values)
+        given = np.atleast_1d(np.asarray(values))
         # Of text too NumPy would make numbers.
         is_text = given.dtype.kind == "U"
         numbers = given.astype(float, casting="no" if is_text else "unsafe")
