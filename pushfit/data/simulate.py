@@ -25,7 +25,13 @@ from pushfit.data.tables.rules import CHANNELS
 from pushfit.data.text.files import check_csv_name
 from pushfit.data.units import in_degrees
 from pushfit.errors import ConfigError
-from pushfit.mechanics.ranges import ABOVE_ZERO, LARGEST, check_numbers
+from pushfit.mechanics.ranges import (
+    ABOVE_ZERO,
+    LARGEST,
+    Range,
+    check_fields,
+    check_numbers,
+)
 from pushfit.model import Channels, Grasp, Parameters, Pushes, forward
 from pushfit.parameters import SensorUnit
 
@@ -122,21 +128,19 @@ def simulate_table(
     )
 
 
-# What a session may be: by field its words; fields, least, largest and rule of numbers.
+PushShape = Literal["triangle", "sine", "plateau"]
+# What fields of a session may be, words and numbers.
 WORDS: dict[str, tuple[str, ...]] = {
-    "shape": ("triangle", "sine", "plateau"),
+    "shape": get_args(PushShape),
     "normal": (*AXES, *(f"-{axis}" for axis in AXES)),
     "unit": get_args(SensorUnit),
 }
-NUMBERS: tuple[tuple[tuple[str, ...], float, float, str], ...] = (
-    (
-        ("rise", "rate", "quantum", "angle_resolution"),
-        *(ABOVE_ZERO, LARGEST, "above 0"),
-    ),
-    (("hold", "rest", "jitter", "noise"), 0.0, LARGEST, "finite, 0 or above"),
-    (("level", "drift"), -LARGEST, LARGEST, "a finite number"),
-    (("step", "undershoot"), 0.0, 1.0, "from 0 to 1, a share of the height"),
-    (("limit",), -LARGEST, math.inf, "a number, or None for no limit"),
+NUMBERS: tuple[Range, ...] = (
+    (["rise", "rate", "quantum", "angle_resolution"], ABOVE_ZERO, LARGEST, "above 0"),
+    (["hold", "rest", "jitter", "noise"], 0.0, LARGEST, "finite, 0 or above"),
+    (["level", "drift"], -LARGEST, LARGEST, "a finite number"),
+    (["step", "undershoot"], 0.0, 1.0, "from 0 to 1, a share of the height"),
+    (["limit"], -LARGEST, math.inf, "a number, or None for no limit"),
 )
 
 
@@ -172,7 +176,7 @@ class Session:
         ConfigError: One of them is none that a session can have.
     """
 
-    shape: Literal["triangle", "sine", "plateau"] = "triangle"
+    shape: PushShape = "triangle"
     rise: float = 1.0
     hold: float = 1.0
     rest: float = 1.5
@@ -199,11 +203,7 @@ class Session:
                     f"Session: {name} = {word!r}: must be one of {', '.join(known)}",
                     code="session",
                 )
-        for names, low, high, rule in NUMBERS:
-            for name in names:
-                value = getattr(self, name)
-                if value is not None:
-                    check_numbers(f"Session: {name}", value, low, high, rule=rule)
+        check_fields(self, NUMBERS)
 
     @property
     def duration(self) -> float:

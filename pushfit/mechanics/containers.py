@@ -19,27 +19,13 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 
 from pushfit.errors import ConfigError
 from pushfit.mechanics.numerics import asinhc, norm2, sinhc
-from pushfit.mechanics.ranges import ABOVE_ZERO, LARGEST, check_angles, check_numbers
+from pushfit.mechanics.ranges import OF_CONTACT, OF_GRASP, check_angles, check_fields
 from pushfit.mechanics.registry import Mechanics, mechanics_named
-from pushfit.parameters import SIX
 
 jax.config.update("jax_enable_x64", True)
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, " n"]
-
-
-METRES = "and at most 1, in metres; 5 mm are 0.005"
-# What numbers of a grasp may be: name, least, largest, rule.
-KNOWN_OF_GRASPS = (
-    ("push_length", ABOVE_ZERO, 1.0, f"above 0 {METRES}"),
-    ("preload", 0.0, LARGEST, "0 or above"),
-    ("gain", ABOVE_ZERO, LARGEST, "above 0"),
-    ("offset", -LARGEST, LARGEST, "a finite number"),
-    ("sharpness", 1.0, math.inf, "1 or above; `math.inf` is a hard transition"),
-    ("support_span", ABOVE_ZERO, math.inf, "above 0"),
-    ("tip_radius", 0.0, 1.0, f"0 or above, {METRES}"),
-)
 
 
 def as_float(value: ArrayLike) -> Float[Array, "..."]:
@@ -65,14 +51,6 @@ def as_float(value: ArrayLike) -> Float[Array, "..."]:
 def _if_given(value: ArrayLike | None) -> Float[Array, "..."] | None:
     """`as_float` of what is not None."""
     return None if value is None else as_float(value)
-
-
-def _check_known(
-    place: str, value: ArrayLike, low: float, high: float, *, rule: str
-) -> None:
-    """`check_numbers` of what is not traced."""
-    if not isinstance(value, Tracer):
-        check_numbers(place, value, low, high, rule=rule)
 
 
 def unit_vector(angle: Float[Array, "*n"]) -> Float[Array, "xy=2 *n"]:
@@ -122,15 +100,7 @@ class Parameters(eqx.Module):
 
     def __check_init__(self) -> None:
         """Refuse what no contact has."""
-        for name in SIX:
-            may_be_zero = name == "C_rr"
-            _check_known(
-                f"Parameters: {name}",
-                getattr(self, name),
-                0.0 if may_be_zero else ABOVE_ZERO,
-                LARGEST,
-                rule="0 or above" if may_be_zero else "above 0",
-            )
+        check_fields(self, OF_CONTACT)
 
 
 class Pushes(eqx.Module):
@@ -161,9 +131,8 @@ class Pushes(eqx.Module):
     def __check_init__(self) -> None:
         """Refuse what is no direction, such as degrees."""
         for name in ("theta", "alpha"):
-            if not isinstance(angles := getattr(self, name), Tracer):
-                # A direction may be turned, by a turn at most.
-                check_angles(f"Pushes: {name}", angles, most=4 * math.pi)
+            # A direction may be turned, by a turn at most.
+            check_angles(f"Pushes: {name}", getattr(self, name), most=4 * math.pi)
 
 
 class Grasp(eqx.Module):
@@ -197,10 +166,7 @@ class Grasp(eqx.Module):
 
     def __check_init__(self) -> None:
         """Refuse what no grasp has."""
-        for name, low, high, rule in KNOWN_OF_GRASPS:
-            value = getattr(self, name)
-            if value is not None:
-                _check_known(f"Grasp: {name}", value, low, high, rule=rule)
+        check_fields(self, OF_GRASP)
         try:
             self.law  # noqa: B018 - looked up
         except LookupError as error:

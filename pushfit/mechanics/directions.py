@@ -6,7 +6,6 @@ Excluded: estimates of a direction from heights, and uncertainties.
 import math
 
 import jax.numpy as jnp
-from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from pushfit.arguments import checked
@@ -60,8 +59,7 @@ def critical_angle(
         2.0
     """
     alpha = as_float(alpha)
-    if not isinstance(alpha, Tracer):
-        check_angles("critical_angle: alpha", alpha, most=4 * math.pi)
+    check_angles("critical_angle: alpha", alpha, most=4 * math.pi)
     return grasp.law.critical_angle(params, grasp, alpha)
 
 

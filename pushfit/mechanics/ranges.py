@@ -4,16 +4,49 @@ Millimetres for metres, or degrees for radians, would give numbers without a mea
 Excluded: types (`pushfit.arguments`), cells of tables, and settings.
 """
 
+import math
 import sys
+from collections.abc import Iterable
 
 import numpy as np
+from jax.core import Tracer
 
 from pushfit.errors import ConfigError
+from pushfit.parameters import SIX
 
 # The least number above 0, and the largest.
 ABOVE_ZERO, LARGEST = sys.float_info.min, sys.float_info.max
 # Of angles that are computed [rad].
 ROUNDING = 1e-6
+# Fields, the least and the largest number that they may be, and the rule.
+Range = tuple[Iterable[str], float, float, str]
+METRES = "and at most 1, in metres; 5 mm are 0.005"
+OF_CONTACT: tuple[Range, ...] = (
+    ([name for name in SIX if name != "C_rr"], ABOVE_ZERO, LARGEST, "above 0"),
+    (["C_rr"], 0.0, LARGEST, "0 or above"),
+)
+OF_GRASP: tuple[Range, ...] = (
+    (["push_length"], ABOVE_ZERO, 1.0, f"above 0 {METRES}"),
+    (["preload"], 0.0, LARGEST, "0 or above"),
+    (["gain"], ABOVE_ZERO, LARGEST, "above 0"),
+    (["offset"], -LARGEST, LARGEST, "a finite number"),
+    (["sharpness"], 1.0, math.inf, "1 or above; `math.inf` is a hard transition"),
+    (["support_span"], ABOVE_ZERO, math.inf, "above 0"),
+    (["tip_radius"], 0.0, 1.0, f"0 or above, {METRES}"),
+)
+
+
+def check_fields(record: object, ranges: Iterable[Range]) -> None:
+    """Refuse a record in which a number is out of its range; None is no number.
+
+    Raises:
+        ConfigError: As by `check_numbers`, named by the class and the field.
+    """
+    for names, low, high, rule in ranges:
+        for name in names:
+            if (value := getattr(record, name)) is not None:
+                place = f"{type(record).__name__}: {name}"
+                check_numbers(place, value, low, high, rule=rule)
 
 
 def check_numbers(
@@ -23,7 +56,7 @@ def check_numbers(
 
     Args:
         place: What a message calls them.
-        values: One number or many.
+        values: One number or many; what is traced passes.
         low: Least of them.
         high: Largest of them.
         rule: What they must be, and what to give.
@@ -31,6 +64,8 @@ def check_numbers(
     Raises:
         ConfigError: By the place, the first value outside, and the rule.
     """
+    if isinstance(values, Tracer):
+        return
     try:
         given = np.atleast_1d(np.asarray(values))
         # Of text too NumPy would make numbers.
