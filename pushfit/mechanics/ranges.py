@@ -9,7 +9,6 @@ import sys
 from collections.abc import Iterable
 
 import numpy as np
-from jax.core import Tracer
 
 from pushfit.errors import ConfigError
 from pushfit.parameters import SIX
@@ -64,7 +63,9 @@ def check_numbers(
     Raises:
         ConfigError: By the place, the first value outside, and the rule.
     """
-    if isinstance(values, Tracer):
+    # Slow to load, and nothing is traced without it.
+    core = sys.modules.get("jax.core")
+    if core is not None and isinstance(values, core.Tracer):
         return
     try:
         given = np.atleast_1d(np.asarray(values))
