@@ -92,8 +92,14 @@ def find_extents(view: View) -> tuple[Extent, ...]:
         is_jerk[rows] = _are_jerks(rows_of(feet, rows), is_cut=is_cut[rows])
     is_jerk |= are_returns(view, feet, within, is_cut=is_cut)
     others = np.array([e.height for e in beyond if not e.is_brush])
-    heights = np.append(feet.height[~is_jerk], others)
-    smallest = 0.0 if view.min_height is not None else _smallest_push(heights)
+    smallest = 0.0
+    if view.min_height is None:
+        # A jolt at an end of the signal, of any height, closes no gap.
+        is_jolt = _are_jolts(feet, is_cut=is_cut, is_other=is_jerk | is_low)
+        smallest = max(
+            _smallest_push(np.append(feet.height[rows], others))
+            for rows in (~is_jerk, ~is_jerk & ~is_jolt)
+        )
     is_brush = (feet.height < smallest) | is_jerk
     feet = within.where(~is_cut, feet)
     shelf = shelves(view, feet)
@@ -267,6 +273,28 @@ def _are_jerks(
     others = width[~is_cut & ~jerks(width)]
     usual = float(np.median(others)) if others.size else 0.0
     return jerks(np.where(is_cut, np.maximum(width, usual), width))
+
+
+def _are_jolts(
+    feet: Feet[np.ndarray],
+    *,
+    is_cut: Bool[np.ndarray, " p"],
+    is_other: Bool[np.ndarray, " p"],
+) -> Bool[np.ndarray, " p"]:
+    """What an end of the signal cuts, shorter and steeper than any whole hump.
+
+    Args:
+        is_other: Which of them are no pushes.
+    """
+    length = feet.end - feet.start
+    flanks = np.array([feet.half_up - feet.start, feet.end - feet.half_down])
+    # The flank that is seen of what is cut is the longer one.
+    flank = np.where(is_cut, flanks.max(axis=0), flanks.min(axis=0))
+    slope = feet.height / np.maximum(flank, feet.step)
+    whole = ~is_cut & ~is_other
+    is_brief = length < np.min(length[whole], initial=np.inf)
+    is_steep = slope > np.max(slope[whole], initial=0.0)
+    return is_cut & is_brief & is_steep & whole.any()
 
 
 def _smallest_push(heights: Float[np.ndarray, " k"]) -> float:

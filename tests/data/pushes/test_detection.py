@@ -194,6 +194,19 @@ def test_a_small_push_is_found_beside_the_edge_of_a_large_one():
     assert 5 in tops(*course((0, 0), *corners))
 
 
+@pytest.mark.parametrize("high", [30.0, 40.0])
+@pytest.mark.parametrize("end", [slice(0, 3), slice(-3, None)])
+def test_a_jolt_at_an_end_makes_no_pushes_of_bumps(end, high):
+    """It has a height between those of bumps and pushes, which are far apart."""
+    pushes = (*push(3.0), *push(9.0), *push(15.0))
+    bumps = push(6.5, width=0.4, height=8.0), push(12.5, width=0.4, height=8.0)
+    corners = sorted({(0.0, 0.0), (19.0, 0.0), *pushes, *bumps[0], *bumps[1]})
+    time, y = course(*corners)
+    y[end] += high
+    whole = [extent.t_peak for extent in found(time, y) if not extent.is_cut]
+    np.testing.assert_allclose(whole, [4.0, 10.0, 16.0], atol=NEAR)
+
+
 def test_noise_further_from_a_push_than_it_is_wide_is_not_its_own():
     """The rest between is thirty widths at half height long."""
     time, y = course((0, 0), *push(3.0, width=0.6), *push(14.0, width=0.6), (18.0, 0))
