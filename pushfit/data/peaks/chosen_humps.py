@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.components import (
@@ -19,7 +19,7 @@ from pushfit.data.peaks.components import (
     samples_around,
 )
 from pushfit.data.peaks.heights import measure_heights
-from pushfit.data.peaks.jerks import are_jerks
+from pushfit.data.peaks.jerks import are_jerks, notches
 from pushfit.data.pushes.detection import (
     BRIEFER,
     FIRST_SMOOTHING,
@@ -64,7 +64,51 @@ def search(
     signal: Float[np.ndarray, " n"],
     settings: PeakSettings,
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"], FoundHumps]:
-    """Find humps as `find` does, without jerks that would pass for some.
+    """Find humps as `find` does, without notches, and jerks that would pass for some.
+
+    A notch in a push is too brief for a rest between two.
+
+    Args:
+        time: Sample times [s].
+
+    Returns:
+        Times and samples that are left, and the humps in them.
+    """
+    if settings.normal is not None or settings.signed:
+        return _without_jerks(time, signal, settings)
+    every = notches(time, signal)
+    kept = _kept(time, every)
+    *left, found = _without_jerks(time[kept], signal[kept], settings)
+    # One outside of all pushes is a dip.
+    pushes = [hump for hump in found.extents if not hump.is_brush]
+    own = [
+        part
+        for part in every
+        if any(e.t_start < time[part][0] and time[part][-1] < e.t_end for e in pushes)
+    ]
+    if len(own) < len(every):
+        kept = _kept(time, own)
+        *left, found = _without_jerks(time[kept], signal[kept], settings)
+    lows = tuple(float(time[part][np.argmin(signal[part])]) for part in own)
+    return left[0], left[1], replace(found, notches=lows)
+
+
+def _kept(
+    time: Float[np.ndarray, " n"], parts: Sequence[slice]
+) -> Bool[np.ndarray, " n"]:
+    """Which samples are in none of some parts."""
+    kept = np.ones(len(time), dtype=bool)
+    for part in parts:
+        kept[part] = False
+    return kept
+
+
+def _without_jerks(
+    time: Float[np.ndarray, " n"],
+    signal: Float[np.ndarray, " n"],
+    settings: PeakSettings,
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"], FoundHumps]:
+    """Find humps without jerks that would pass for some.
 
     A hump that is briefer than any push is a jerk where, without its samples, there are
     humps ten times as long: on a hold, which it would hide, or somewhere else. What

@@ -215,7 +215,8 @@ class _Look:
             and np.any(schedule.theta < 0)
         ):
             both = find(time, signal, settings, signed=True)
-            both = replace(both, jerks=self.found.jerks)
+            own = self.found
+            both = replace(both, jerks=own.jerks, notches=own.notches)
             better = pair(both, schedule, settings, span=span)
             paired = better if paired.n_odd > better.n_odd else paired
         try:

@@ -2,7 +2,9 @@
 
 A finger that snags, or a joint that knocks, may be felt as ten times the push. Heights
 of components are read at the top of the whole force, which such a reading would be.
-Excluded: leaving them out of a recording (`pushfit.data.peaks.components`).
+A contact that is lost for moments parts a push in two, or makes none of a hold.
+Excluded: leaving them out of a recording (`pushfit.data.peaks.components`, and
+`pushfit.data.peaks.chosen_humps` of a single channel).
 """
 
 import numpy as np
@@ -27,10 +29,38 @@ def are_jerks(
     time: Float[np.ndarray, " n"], samples: Float[np.ndarray, " n"]
 ) -> Bool[np.ndarray, " n"]:
     """Whether each sample of a component, at times [s], is one of a jerk."""
-    from scipy.ndimage import maximum_filter1d, percentile_filter  # noqa: PLC0415
+    off, least = _off(time, samples)
+    return _with_feet(time, np.abs(off) > least)
 
-    usual = float(np.median(np.diff(time)))
-    n = FIRST_SMOOTHING / _SHARE / usual
+
+def notches(
+    time: Float[np.ndarray, " n"], samples: Float[np.ndarray, " n"]
+) -> tuple[slice, ...]:
+    """Samples far below all around them, on either side: as of a loose contact.
+
+    Args:
+        time: Sample times [s].
+    """
+    off, least = _off(time, samples)
+    is_low = _with_feet(time, -off > least)
+    edges = np.flatnonzero(np.diff(is_low, prepend=False, append=False)).tolist()
+    found = []
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        if 0 < first and last < len(time):
+            lowest = first + int(np.argmin(samples[first:last]))
+            sides = min(samples[first - 1], samples[last])
+            if sides - samples[lowest] > least[lowest]:
+                found.append(slice(first, last))
+    return tuple(found)
+
+
+def _off(
+    time: Float[np.ndarray, " n"], samples: Float[np.ndarray, " n"]
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """How far samples are off the median around them, and by how much is far."""
+    from scipy.ndimage import percentile_filter  # noqa: PLC0415
+
+    n = _n_around(time)
     stride = max(1, round(n / _ENOUGH))
     some, width = samples[::stride], 1 + round(n / stride)
     low, middle, high = (
@@ -40,5 +70,18 @@ def are_jerks(
         _FAR * (high - low), _SIGMAS * SignalNoise.of(time, samples).sigma
     )
     own = np.arange(len(samples)) // stride
-    is_far = np.abs(samples - middle[own]) > least[own]
-    return maximum_filter1d(is_far, 1 + round(_FEET * n))
+    return samples - middle[own], least[own]
+
+
+def _n_around(time: Float[np.ndarray, " n"]) -> float:
+    """Usual number of samples that one is looked at among."""
+    return FIRST_SMOOTHING / _SHARE / float(np.median(np.diff(time)))
+
+
+def _with_feet(
+    time: Float[np.ndarray, " n"], is_far: Bool[np.ndarray, " n"]
+) -> Bool[np.ndarray, " n"]:
+    """What is far off, and what is beside it."""
+    from scipy.ndimage import maximum_filter1d  # noqa: PLC0415
+
+    return maximum_filter1d(is_far, 1 + round(_FEET * _n_around(time)))

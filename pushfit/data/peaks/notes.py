@@ -151,6 +151,12 @@ def _left_out(paired: Paired, unit: Unit) -> list[str]:
             f"{_times(found.jerks, unit)}; take one in by "
             f"{stated(include=[found.jerks[0].window])}"
         )
+    if found.notches:
+        times = ", ".join(f"{when:.2f} s" for when in found.notches)
+        notes.append(
+            "readings far below all around them, for less than a push lasts, are left "
+            f"out: at {times}"
+        )
     if found.idle:
         windows = ", ".join(f"{first:.15g}:{last:.15g}" for first, last in found.idle)
         notes.append(

@@ -86,6 +86,8 @@ class FoundHumps:
         idle: Windows of the user's in which no hump has its top [s].
         jerks: What was far briefer than any push; its samples were left out before
             these were found.
+        notches: When the signal was far lower for less than any push lasts; these
+            samples were left out as well [s].
     """
 
     extents: tuple[Extent, ...]
@@ -94,6 +96,7 @@ class FoundHumps:
     excluded: tuple[Extent, ...] = ()
     idle: tuple[tuple[float, float], ...] = ()
     jerks: tuple[Extent, ...] = ()
+    notches: tuple[float, ...] = ()
 
     def beside(self, taken: Sequence[Extent]) -> tuple[Extent, ...]:
         """Humps besides some of them, also those that the user left out."""

@@ -59,6 +59,23 @@ def test_a_jerk_down_on_retracting_leaves_the_pushes(at, every, depth, rate):
     assert any("the signal falls below rest" in caution for caution in found.cautions)
 
 
+@pytest.mark.parametrize("rate", [60.0, 100.0, 500.0])
+@pytest.mark.parametrize("level", [0.0, -20.0])
+@pytest.mark.parametrize("at", [2.5, 3.0, 3.6])
+def test_a_contact_that_is_lost_for_moments_parts_no_hold(at, level, rate):
+    """For 40 ms each; neither is the hold a hump, or its height another one."""
+    own = recording(held, rate=rate)
+    since = own.time[:, None] - at - 4.0 * np.arange(3)
+    is_lost = np.any(np.abs(since) < 0.02, axis=1)
+    y = np.where(is_lost, level, own.channels["f"])
+    found = measure_pushes(Recording(time=own.time, channels={"f": y}, units=own.units))
+    np.testing.assert_allclose(found.frame["height_n"], HOLDS, rtol=0, atol=NEAR)
+    assert set(found.frame["definition"]) == {"plateau"}
+    assert not any(found.frame["flags"])
+    told = "far below all around them, for less than a push lasts, are left out: at"
+    assert any(told in caution for caution in found.cautions)
+
+
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("min_height", [None, 1.0])
 def test_what_rises_beside_deeper_dips_is_named_where_none_is_a_push(min_height):
