@@ -1,7 +1,7 @@
 """What callers give, beside the types that a function says it takes.
 
 A frame in place of what a reader makes of it would otherwise end deep inside, by the
-name of an attribute. Excluded: shapes of arrays, and numbers out of range
+name of an attribute. Excluded: shapes of arrays and numbers out of range
 (`pushfit.mechanics.ranges`).
 """
 
@@ -25,6 +25,8 @@ ALSO: dict[Any, tuple[type, ...]] = {
 }
 # What some are called.
 NAMES: dict[Any, str] = {NoneType: "None", Path: "path", float: "number"}
+# What is given where an array will do, by the names of types.
+ARRAYS = ("ndarray", "Array")
 MANY = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
 # Where to get one of these.
 SOURCES = {
@@ -39,6 +41,8 @@ SOURCES = {
     "Pushes": "`Pushes(theta, alpha)` is one, in radians",
     "Recording": "`read_recording` gives one",
     "Suggestion": "`Explorer.ask` gives some",
+    "Workers": "`pushfit.Workers(n=4)` is one, of four processes",
+    "path": "a path names a file that holds it",
 }
 
 
@@ -59,8 +63,12 @@ def checked(function: Callable[Given, Returned]) -> Callable[Given, Returned]:
 
     @functools.wraps(function)
     def call(*args: Given.args, **kwargs: Given.kwargs) -> Returned:
-        # What is missing is said by the call itself.
-        for name, value in signature.bind_partial(*args, **kwargs).arguments.items():
+        try:
+            given = signature.bind_partial(*args, **kwargs).arguments
+        except TypeError:
+            given = {}
+        # What is missing, or too much, is said by the call itself.
+        for name, value in given.items():
             if name in hints() and signature.parameters[name].kind not in MANY:
                 _check(f"{called}: {name}", value, hints()[name])
         return function(*args, **kwargs)
@@ -69,8 +77,7 @@ def checked(function: Callable[Given, Returned]) -> Callable[Given, Returned]:
 
 
 def _check(place: str, value: object, hint: Any) -> None:
-    types = _types(hint)
-    if types and not isinstance(value, types):
+    if not _is_one(value, hint):
         raise ConfigError(
             f"{place} = {_shown(value)}: must be {_listed(hint)}", code="input_type"
         )
@@ -80,15 +87,32 @@ def _check(place: str, value: object, hint: Any) -> None:
                 _check(f"{place}[{i}]", one, typing.get_args(part)[0])
 
 
+def _is_one(value: object, hint: Any) -> bool:
+    """Whether a value may be what a hint asks for."""
+    parts = _parts(hint)
+    if any(map(_is_array, parts)):
+        # Of anything else NumPy tries to make one; of None it would make NaN.
+        return NoneType in parts if value is None else not isinstance(value, str)
+    types = _types(hint)
+    # A text is a list of its letters, too.
+    fitting = (t for t in types if t is not Sequence or not isinstance(value, str))
+    return not types or isinstance(value, tuple(fitting))
+
+
+def _is_array(hint: Any) -> bool:
+    """Whether a hint asks for an array, or for what becomes one."""
+    kind = typing.get_origin(hint) or hint
+    is_shape = getattr(kind, "__module__", "").startswith("jaxtyping")
+    return is_shape or getattr(kind, "__name__", "") in ARRAYS
+
+
 @functools.cache
 def _types(hint: Any) -> tuple[type, ...]:
     """Types that a hint allows; none where it allows what no type tells."""
     found: list[type] = []
     for part in _parts(hint):
         kind = typing.get_origin(part) or part
-        # Of arrays an annotation asks for a shape, which is no matter of a type.
-        is_array = getattr(kind, "__module__", "").startswith("jaxtyping")
-        if kind is Any or is_array or not isinstance(kind, type):
+        if kind is Any or not isinstance(kind, type):
             return ()
         found += ALSO.get(kind, (kind,))
     return tuple(found)
@@ -109,7 +133,10 @@ def _shown(value: object) -> str:
 
 def _listed(hint: Any) -> str:
     """What a hint asks for, and where to get it."""
-    names = list(dict.fromkeys(_name(part) for part in _parts(hint)))
+    parts = _parts(hint)
+    if any(map(_is_array, parts)):
+        return "a number or an array of numbers" + " or None" * (NoneType in parts)
+    names = list(dict.fromkeys(map(_name, parts)))
     sources = [SOURCES[name] for name in names if name in SOURCES]
     words = (name if name == "None" else _with_article(name) for name in names)
     return "; ".join([" or ".join(words), *sources])

@@ -95,6 +95,20 @@ def check_writable(path: str | Path) -> None:
         ) from error
 
 
+def check_file(path: str | Path) -> None:
+    """Refuse, before any work, a name under which no file can be written now.
+
+    Raises:
+        ConfigError: As of `check_writable`; or it is a folder (`output_is_a_folder`).
+    """
+    if Path(path).is_dir():
+        raise ConfigError(
+            f"{path}: is a folder; name a file", code="output_is_a_folder"
+        )
+    if not is_stream(path):
+        check_writable(path)
+
+
 def followed(path: Path) -> Path:
     """What a name stands for: itself, or what a link leads to."""
     return Path(os.path.realpath(path)) if path.is_symlink() else path

@@ -13,7 +13,7 @@ import pushfit
 from pushfit.arguments import checked
 from pushfit.data.simulate import Session
 from pushfit.errors import ConfigError
-from pushfit.mechanics.ranges import check_numbers
+from pushfit.mechanics.ranges import check_numbers, check_together
 
 FRAME = pd.DataFrame({"theta_deg": [30.0], "alpha_deg": [0.0], "height_n": [2.0]})
 PARAMS = pushfit.Parameters(K_sn=600, K_dn=300, K_st=400, C_rr=0.5, C_d=0.25, L=0.025)
@@ -128,6 +128,34 @@ RNG = np.random.default_rng(0)
             ("Session: normal = 'z': must be one of fx, fy, fz, -fx",),
         ),
         (
+            lambda: pushfit.Grasp(push_length=None),  # type: ignore
+            ("Grasp: push_length = None: must be a number or an array of numbers",),
+        ),
+        (
+            lambda: pushfit.Grasp(push_length=0.005, preload="12"),  # type: ignore
+            ("Grasp: preload = '12': must be a number",),
+        ),
+        (
+            lambda: pushfit.critical_angle(PARAMS, GRASP, "90"),  # type: ignore
+            ("critical_angle: alpha = '90': must be a number",),
+        ),
+        (
+            lambda: pushfit.Pushes(np.zeros(2), np.zeros(3)),
+            ("Pushes: shapes theta of (2,) and alpha of (3,) do not go together",),
+        ),
+        (
+            lambda: check_together("plan", theta=0.0, a=np.ones(2), b=np.ones(3)),
+            ("plan: shapes theta of () and a of (2,) and b of (3,)", "one for all"),
+        ),
+        (
+            lambda: pushfit.read_recording("a.csv", columns="time_s,height_n"),
+            ("read_recording: columns = 'time_s,height_n': must be a list of str",),
+        ),
+        (
+            lambda: pushfit.identify_batch([FRAME], "out"),  # type: ignore
+            ("identify_batch: inputs[0] = a DataFrame: must be a str or a path",),
+        ),
+        (
             lambda: pushfit.identify(FRAME, checkpoint=5),  # type: ignore
             ("identify: checkpoint = 5: must be a str or a path or None",),
         ),
@@ -172,3 +200,8 @@ def test_elements_of_a_list_are_named_by_their_number():
 def test_what_is_missing_is_said_by_python():
     with pytest.raises(TypeError, match=r"measured.*'n'"):
         measured("one", ())  # type: ignore
+
+
+def test_an_unknown_argument_is_said_with_the_name_of_the_function():
+    with pytest.raises(TypeError, match=r"measured.*'m'"):
+        measured("one", (), 3.0, m=1)  # type: ignore

@@ -6,14 +6,12 @@ item (`pushfit.batch.identify_chunk`).
 """
 
 import contextlib
-import numbers
-import os
-import reprlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from pushfit.arguments import checked
 from pushfit.batch.folders import (
     FOLDER,
     REPORT,
@@ -31,7 +29,7 @@ from pushfit.batch.rows import Row, collect
 from pushfit.batch.store import Finished, Store, open_store
 from pushfit.batch.workers import Work, Workers
 from pushfit.data.text.faults import listed
-from pushfit.errors import ConfigError, DataError, check_seed
+from pushfit.errors import DataError, check_seed
 from pushfit.fit.identify.fitted import check_engine
 from pushfit.fit.identify.identify_many import identify_many
 from pushfit.fit.identify.progress import Progress, stages_of
@@ -66,6 +64,7 @@ class Batch:
     notice: str
 
 
+@checked
 def identify_batch(
     inputs: str | Path | Sequence[str | Path],
     out: str | Path,
@@ -115,13 +114,12 @@ def identify_batch(
     """
     check_seed(seed)
     check_engine(engine)
-    workers, report = _workers(workers), progress or (lambda stage, share: None)
+    workers, report = workers or Workers(), progress or (lambda stage, share: None)
     folder = Path(out)
     inputs = [inputs] if isinstance(inputs, (str, Path)) else inputs
+    companions = {"config": config, "profile": profile, "schedule": schedule}
     common = {
-        "config": _path("config", config),
-        "profile": _path("profile", profile),
-        "schedule": _path("schedule", schedule),
+        name: None if file is None else Path(file) for name, file in companions.items()
     }
     found = find_inputs(inputs, out=folder, common=common.values())
     planner = Planner(**common, seed=seed, engine=engine)
@@ -255,36 +253,3 @@ def _pages(
         if is_there and is_current(folder / own, item.key, written):
             pages[item.name] = (own / REPORT).as_posix()
     return pages
-
-
-def _workers(given: Workers | None) -> Workers:
-    """Who works, if it was given.
-
-    Raises:
-        ConfigError: What was given says nothing of that, such as a mere number.
-    """
-    if not isinstance(given, (Workers, type(None))):
-        n = given if isinstance(given, numbers.Integral) and given > 0 else 4
-        raise ConfigError(
-            f"workers = {reprlib.repr(given)}: state who works by a "
-            f"pushfit.Workers, such as workers=pushfit.Workers(n={n:d})",
-            code="workers",
-        )
-    return given or Workers()
-
-
-def _path(name: str, given: str | Path | None) -> Path | None:
-    """File that an argument names, if it was given.
-
-    Raises:
-        ConfigError: What was given is the name of no file.
-    """
-    if given is None:
-        return None
-    if not isinstance(given, (str, os.PathLike)):
-        raise ConfigError(
-            f"{name} = {reprlib.repr(given)}: a batch reads it from a file; save it as "
-            "one, and give its path",
-            code="not_a_path",
-        )
-    return Path(given)

@@ -5,7 +5,7 @@ Excluded: the files of a result (`pushfit.report.store.folder`).
 
 from pathlib import Path
 
-from pushfit.atomic import atomic_path, check_writable, is_stream
+from pushfit.atomic import atomic_path, check_file, is_stream
 from pushfit.cli.session import CommandSession
 from pushfit.errors import ConfigError
 from pushfit.report.picture_file import picture_format
@@ -23,22 +23,18 @@ def refuse_existing(path: Path, *, force: bool) -> None:
     """
     if is_stream(path):
         return
-    if path.is_dir():
-        raise ConfigError(
-            f"{path}: is a folder; name a file", code="output_is_a_folder"
-        )
     if str(path) == "-":
         raise ConfigError(
             "-: is no name of a file; name one, or leave the option out where the "
             "command prints",
             code="output_name",
         )
+    check_file(path)
     if path.exists() and not force:
         raise ConfigError(
             f"{path}: exists already; name another, or replace it with --force",
             code="output_exists",
         )
-    check_writable(path)
 
 
 def refuse_picture(path: Path | None, *, force: bool) -> None:

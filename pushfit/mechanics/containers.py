@@ -17,9 +17,16 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Bool, Float
 
+from pushfit.arguments import checked
 from pushfit.errors import ConfigError
 from pushfit.mechanics.numerics import asinhc, norm2, sinhc
-from pushfit.mechanics.ranges import OF_CONTACT, OF_GRASP, check_angles, check_fields
+from pushfit.mechanics.ranges import (
+    OF_CONTACT,
+    OF_GRASP,
+    check_angles,
+    check_fields,
+    check_together,
+)
 from pushfit.mechanics.registry import Mechanics, mechanics_named
 
 jax.config.update("jax_enable_x64", True)
@@ -114,7 +121,8 @@ class Pushes(eqx.Module):
         alpha: Azimuth inside it, from the line through the supports [rad].
 
     Raises:
-        ConfigError: An angle that is known is over two turns, as if in degrees.
+        ConfigError: An angle that is known is over two turns, as if in degrees, or
+            theta and alpha are not as many.
     """
 
     theta: Vector
@@ -122,6 +130,7 @@ class Pushes(eqx.Module):
     elevation: Float[Array, "2 n"]
     azimuth: Float[Array, "2 n"]
 
+    @checked
     def __init__(self, theta: ArrayLike, alpha: ArrayLike) -> None:
         """Keep the angles and their unit vectors (cos, sin)."""
         self.theta, self.alpha = as_float(theta), as_float(alpha)
@@ -130,6 +139,7 @@ class Pushes(eqx.Module):
 
     def __check_init__(self) -> None:
         """Refuse what is no direction, such as degrees."""
+        check_together("Pushes", theta=self.theta, alpha=self.alpha)
         for name in ("theta", "alpha"):
             # A direction may be turned, by a turn at most.
             check_angles(f"Pushes: {name}", getattr(self, name), most=4 * math.pi)
@@ -203,6 +213,11 @@ class Contact(eqx.Module):
     f2: Scalar = eqx.field(converter=as_float, default=0.0)
     L: Scalar = eqx.field(converter=as_float, default=1.0)
     s: Scalar = eqx.field(converter=as_float, default=1.0)
+
+
+# Their constructors are made by Equinox, which converts what they are given.
+for _record in (Parameters, Grasp):
+    _record.__init__ = checked(_record.__init__)  # pyright: ignore
 
 
 class Forces(eqx.Module):

@@ -7,6 +7,7 @@ Excluded: types (`pushfit.arguments`), cells of tables, and settings.
 import math
 import sys
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
@@ -98,3 +99,25 @@ def check_angles(place: str, values: object, *, most: float) -> None:
         "degrees"
     )
     check_numbers(place, values, -most - ROUNDING, most + ROUNDING, rule=rule)
+
+
+def check_together(place: str, **arrays: Any) -> None:
+    """Refuse arrays of which one number cannot be taken with one of each other.
+
+    Args:
+        place: What a message calls what they are for.
+        arrays: What belongs together, by name.
+
+    Raises:
+        ConfigError: By the names and their shapes.
+    """
+    shapes = {name: np.shape(values) for name, values in arrays.items()}
+    try:
+        np.broadcast_shapes(*shapes.values())
+    except ValueError:
+        found = " and ".join(f"{name} of {shape}" for name, shape in shapes.items())
+        raise ConfigError(
+            f"{place}: shapes {found} do not go together; give as many numbers of "
+            "each, or one for all",
+            code="input_shape",
+        ) from None

@@ -303,7 +303,9 @@ def test_simulate_names_the_option_for_a_unit_that_the_preload_is_not_in(capsys)
     assert str(truth) in said
 
 
-@pytest.mark.parametrize("name", ["made.npz", "made.npy", "made.parquet"])
+@pytest.mark.parametrize(
+    "name", ["made.npz", "made.npy", "made.parquet", "made.csv.gz"]
+)
 def test_text_gets_no_name_that_readers_take_for_another_format(name, tmp_path, capsys):
     plan, truth = EXAMPLE / "alpha_schedule.csv", EXAMPLE / "truth.toml"
     made = tmp_path / name

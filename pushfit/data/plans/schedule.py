@@ -20,7 +20,12 @@ from pushfit.data.tables.rules import CHANNELS, check_columns, rules_of_times
 from pushfit.data.text.faults import refuse
 from pushfit.data.text.files import Source
 from pushfit.data.units import in_degrees
-from pushfit.mechanics.ranges import LARGEST, check_angles, check_numbers
+from pushfit.mechanics.ranges import (
+    LARGEST,
+    check_angles,
+    check_numbers,
+    check_together,
+)
 
 KNOWN: Known = {**COMMON, "time": "time"}
 
@@ -120,6 +125,7 @@ class PushSchedule:
         check_numbers(
             "repeats", repeats, 1.0, LARGEST, rule="a whole number, 1 or above"
         )
+        check_together("PushSchedule", theta=theta, alpha=alpha)
         theta, alpha = (np.ravel(a) for a in np.broadcast_arrays(theta, alpha))
         return cls(
             theta=np.repeat(theta, repeats).astype(float),

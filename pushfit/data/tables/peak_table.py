@@ -16,7 +16,7 @@ import pandas as pd
 from jaxtyping import Bool, Float, Int
 
 from pushfit.arguments import checked
-from pushfit.atomic import atomic_path, check_parent
+from pushfit.atomic import atomic_path, check_file
 from pushfit.data.tables.columns import Origin, is_parquet, no_parquet, read_rows
 from pushfit.data.tables.rules import (
     CHANNELS,
@@ -307,7 +307,7 @@ def write_table(table: PeakTable, path: str | Path) -> None:
         ConfigError: Parquet is asked for and its library is not installed, the name is
             that of another format, or the folder of the file does not exist.
     """
-    check_parent(path)
+    check_file(path)
     if not is_parquet(path):
         check_csv_name(path)
     with atomic_path(path) as temporary:

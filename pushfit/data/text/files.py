@@ -35,9 +35,12 @@ _MAGIC: tuple[tuple[bytes, str, str], ...] = (
 # not `.log`, as programs leave logs of their own beside recordings.
 PARQUET = frozenset({".parquet", ".pq"})
 NUMPY = frozenset({".npy", ".npz"})
+GZIP = ".gz"
 SEARCHED = frozenset(
-    {".csv", ".tsv", ".txt", ".gz", ".ddf", ".bag", ".db3", ".mcap", *PARQUET, *NUMPY}
+    {".csv", ".tsv", ".txt", GZIP, ".ddf", ".bag", ".db3", ".mcap", *PARQUET, *NUMPY}
 )
+# What to do with a pipe.
+ONCE = "save what comes from it as a file, and name that"
 _BAG_MAGIC = (b"#ROSBAG V", b"SQLite format 3\x00", b"\x89MCAP0\r\n")
 
 
@@ -106,6 +109,8 @@ def existing_file(path: str | Path) -> str:
         DataError: If a recorder still has the file open (`bag_active`).
     """
     given = Path(path)
+    if str(path) == "-":
+        raise ConfigError(f"-: is no name of a file; {ONCE}", code="file_not_found")
     if not given.exists():
         folder = given.parent
         siblings = [p.name for p in folder.iterdir()] if folder.is_dir() else []
@@ -114,8 +119,7 @@ def existing_file(path: str | Path) -> str:
         raise ConfigError(f"{path}: no such file{hint}", code="file_not_found")
     if not (given.is_file() or given.is_dir()):
         raise ConfigError(
-            f"{path}: is a pipe or a device, which can be read only once; save what "
-            "comes from it as a file, and name that",
+            f"{path}: is a pipe or a device, which can be read only once; {ONCE}",
             code="file_not_readable",
         )
     if not os.access(given, os.R_OK):
@@ -203,9 +207,9 @@ def check_csv_name(path: str | Path) -> None:
     """Refuse a name by which readers would take CSV for another format.
 
     Raises:
-        ConfigError: It ends in one of those of NumPy or Parquet.
+        ConfigError: It ends in one of those of NumPy, Parquet or gzip.
     """
-    if (suffix := Path(path).suffix.lower()) in PARQUET | NUMPY:
+    if (suffix := Path(path).suffix.lower()) in {*PARQUET, *NUMPY, GZIP}:
         raise ConfigError(
             f"{path}: is written as CSV, which no {suffix} file is; name a .csv file",
             code="output_name",

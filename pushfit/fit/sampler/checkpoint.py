@@ -17,7 +17,7 @@ import jax
 import numpy as np
 
 import pushfit
-from pushfit.atomic import atomic_path, check_writable, is_stream, spare_name
+from pushfit.atomic import atomic_path, check_file, is_stream, spare_name
 from pushfit.errors import ConfigError
 
 # Raised whenever the meaning of the arrays changes.
@@ -33,8 +33,8 @@ def check_checkpoint(path: Path) -> None:
     """Refuse a name under which no run can be kept and read back.
 
     Raises:
-        ConfigError: It is a device or a FIFO, or its folder does not exist or takes no
-            file.
+        ConfigError: It is a device, a FIFO or a folder, or its own folder does not
+            exist or takes no file.
     """
     if is_stream(path):
         raise ConfigError(
@@ -42,7 +42,7 @@ def check_checkpoint(path: Path) -> None:
             "name a file for `checkpoint`",
             code="checkpoint_place",
         )
-    check_writable(path)
+    check_file(path)
 
 
 def fingerprint(*trees: object) -> str:
@@ -89,13 +89,14 @@ def load_checkpoint(path: Path, *, question: str) -> dict[str, np.ndarray] | Non
         _set_aside(path, f"cannot be read ({error})")
         return None
     expected = _header(question)
+    found = {key: header.get(key) for key in expected}
     for key, what in (
-        ("format", "has another format"),
-        ("version", "was written by another version of pushfit"),
+        ("format", "has another format ({format})"),
+        ("version", "was written by another version of pushfit ({version})"),
         ("question", "belongs to other data, settings or another seed"),
     ):
-        if header.get(key) != expected[key]:
-            _set_aside(path, f"{what} ({header.get(key)}, now {expected[key]})")
+        if found[key] != expected[key]:
+            _set_aside(path, what.format(**found))
             return None
     return arrays
 

@@ -423,6 +423,10 @@ def test_a_missing_path_names_the_nearest_one(write):
     assert f"did you mean {path}?" in str(error)
 
 
+def test_a_hyphen_names_no_file():
+    assert "save what comes from it as a file" in str(refusal("-"))
+
+
 def test_a_missing_path_names_no_other_that_only_ends_alike(write):
     error = refusal(write(GOOD, "strval.toml").with_name("truth.toml"))
     assert "did you mean" not in str(error)

@@ -408,3 +408,10 @@ def test_the_probing_table_reads_with_its_other_columns_left_out(real_data):
     table = read_table(real_data / "probing/probingRAL2018_T1_height_table.csv")
     assert (table.n_pushes, table.unit) == (727, "n")
     assert any("depth_mm" in note for note in table.notes)
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.parquet"])
+def test_a_table_takes_no_place_of_a_folder(name, full_table, tmp_path):
+    (tmp_path / name).mkdir()
+    with pytest.raises(ConfigError, match=f"{name}: is a folder; name a file"):
+        write_table(full_table, tmp_path / name)

@@ -5,9 +5,11 @@ import os
 import numpy as np
 import pytest
 
+from pushfit.errors import ConfigError
 from pushfit.fit.sampler import checkpoint
 from pushfit.fit.sampler.checkpoint import (
     CheckpointWarning,
+    check_checkpoint,
     fingerprint,
     load_checkpoint,
     save_checkpoint,
@@ -49,6 +51,11 @@ def test_a_checkpoint_is_kept_behind_a_link(tmp_path):
     assert set(load_checkpoint(tmp_path / "real.npz", question=QUESTION)) == set(ARRAYS)
 
 
+def test_a_folder_is_refused_before_it_would_be_set_aside(tmp_path):
+    with pytest.raises(ConfigError, match="is a folder; name a file"):
+        check_checkpoint(tmp_path)
+
+
 def test_no_file_is_no_checkpoint(tmp_path):
     assert load_checkpoint(tmp_path / "none.npz", question=QUESTION) is None
 
@@ -84,7 +91,8 @@ def test_a_file_without_header_is_kept_aside(path):
 
 def test_another_question_is_kept_aside(path):
     save_checkpoint(path, ARRAYS, question="other")
-    assert is_set_aside(path, "other data, settings or another seed")
+    # Digests would say nothing to anybody.
+    assert is_set_aside(path, "other data, settings or another seed; it is kept")
 
 
 def test_another_version_is_kept_aside(path, monkeypatch):
