@@ -7,10 +7,11 @@ is asked for; a fit without an optimum is a `FitError`. Excluded: warnings, whic
 nothing (`pushfit.fit.assess.warnings`).
 """
 
+import contextlib
 import copyreg
 import difflib
 import numbers
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -56,7 +57,7 @@ class InputProblem:
 
 
 class PushfitError(Exception):
-    """Base of all errors that a user can mend.
+    """Base of all errors that a user can mend; `is_placed` where `placed_in` named one.
 
     Args:
         message: Place, value, rule and next step in one sentence.
@@ -65,6 +66,7 @@ class PushfitError(Exception):
     """
 
     exit_code: ClassVar[int] = 1
+    is_placed = False
 
     def __init__(
         self, message: str, *, code: str, problems: tuple[InputProblem, ...] = ()
@@ -83,6 +85,10 @@ class ConfigError(PushfitError):
     """The command line or `grasp.toml` asks for something that cannot be."""
 
     exit_code = 2
+
+
+class SettingsError(ConfigError):
+    """Settings that are valid by themselves do not go with the data."""
 
 
 class DataError(PushfitError):
@@ -119,6 +125,22 @@ class FitError(PushfitError):
 
 class ConvergenceError(FitError):
     """Draws from the posterior cannot be trusted."""
+
+
+@contextlib.contextmanager
+def placed_in(place: str, *, only: type[PushfitError] = PushfitError) -> Iterator[None]:
+    """Have errors that do not name a place begin with it.
+
+    Args:
+        place: File, or what else the input is called; empty where it has no name.
+        only: Which errors.
+    """
+    try:
+        yield
+    except only as error:
+        if place and not error.is_placed and place not in str(error):
+            error.args, error.is_placed = (f"{place}: {error}",), True
+        raise
 
 
 def check_seed(seed: int) -> None:

@@ -137,5 +137,5 @@ def sensor_unit(*settings: "GraspConfig", stated: SensorUnit | None) -> str:
         try:
             one.preload_in(stated)
         except ConfigError as error:
-            raise ConfigError(f"{error}{hint}", code=error.code) from None
+            raise type(error)(f"{error}{hint}", code=error.code) from None
     return stated

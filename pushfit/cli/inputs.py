@@ -3,8 +3,7 @@
 Excluded: the readers (`pushfit.data.load`).
 """
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -49,17 +48,6 @@ def read_settings(layout: SettingsOptions, **peaks: Any) -> "GraspConfig":
     }
     changes = {section: keys for section, keys in changes.items() if keys}
     return read_config(layout.config, profile=layout.profile, changes=changes)
-
-
-@contextmanager
-def naming_settings(path: Path | str | None) -> Iterator[None]:
-    """Name the file, or what else the settings are of that something refuses."""
-    try:
-        yield
-    except ConfigError as error:
-        if path is None:
-            raise
-        raise ConfigError(f"{path}: {error}", code=error.code) from None
 
 
 def warn_of_unread(session: CommandSession, config: Path | None, *inputs: Path) -> None:

@@ -26,7 +26,7 @@ from pushfit.cli.progress import ProgressLines, shown_bar
 from pushfit.cli.stop import say_kept, what_is_kept
 from pushfit.cli.wording import flags_of, in_options
 from pushfit.data.text.files import existing_files
-from pushfit.errors import ConfigError, PushfitError
+from pushfit.errors import ConfigError, PushfitError, SettingsError, placed_in
 from pushfit.fit.programs.folder import enable_compile_cache
 from pushfit.report.store.output_folder import refuse_inputs, refuse_twice
 
@@ -36,9 +36,10 @@ if TYPE_CHECKING:
 # Exit codes, beside those of the errors; as a shell has them, 128 + SIGINT and SIGPIPE.
 BUG, CANNOT_WRITE, INTERRUPTED, CLOSED_PIPE = 1, 2, 130, 141
 # Arguments and options that name files to read. Loading what reads them takes seconds.
+SETTINGS = ("profile", "config")
 INPUTS = (
     *("recordings", "recording", "table", "files", "folder"),
-    *("schedules", "schedule", "config", "profile"),
+    *("schedules", "schedule", *SETTINGS),
 )
 # Folders of results, which are not read like files; and what is written by --force.
 RESULTS = ("result", "first", "second")
@@ -239,8 +240,10 @@ def command(
                 # Before JAX is imported, which reads the settings once.
                 if not debug:
                     os.environ.setdefault(XLA_LOG, NOTHING_BUT_FATAL)
+                settings = " and ".join(map(str, _paths(arguments, SETTINGS)))
                 session.say_more(f"compiled programs: {enable_compile_cache()}")
-                return function(session, **_grouped(own, arguments))
+                with placed_in(settings, only=SettingsError):
+                    return function(session, **_grouped(own, arguments))
 
             raise typer.Exit(session.run(work))
 

@@ -29,7 +29,7 @@ from pushfit.config.section import (
     setting,
 )
 from pushfit.config.sensor import SensorSection
-from pushfit.errors import ConfigError
+from pushfit.errors import SettingsError
 from pushfit.mechanics.registry import BUILT_IN, COMPARED, mechanics_named
 from pushfit.parameters import HALF_TURN, SensorUnit
 
@@ -356,14 +356,14 @@ class GraspConfig(Section):
             unit: Unit of the heights: n, kpa, counts or au.
 
         Raises:
-            ConfigError: The file does not say how the two units convert.
+            SettingsError: The file does not say how the two units convert.
         """
         value, given = self.grasp.preload
         if given is None or value == "estimate":
             return value
         factor = self.sensor.factor(given, unit)
         if factor is None:
-            raise ConfigError(
+            raise SettingsError(
                 f"grasp.preload_{given} = {value:g}: the heights are in {unit} and "
                 f"[sensor] does not say how {given} converts; "
                 f"give preload_{unit} or add the factor to [sensor]",

@@ -14,6 +14,7 @@ from pushfit.data.recordings.recording import read_recording
 from pushfit.data.recordings.records import Recording
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.units import stated_calibration
+from pushfit.errors import placed_in
 
 # Where `[recording]` and `read_recording` have different words.
 READER_NAMES = {"map": "mapping", "unit": "units"}
@@ -35,7 +36,8 @@ def configured_recording(path: str | Path, config: GraspConfig) -> Recording:
     Raises:
         DataError: It cannot be read or breaks a rule.
     """
-    return read_recording(path, **reader_options(config))
+    with placed_in(str(path)):
+        return read_recording(path, **reader_options(config))
 
 
 def configured_peaks(

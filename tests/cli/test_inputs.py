@@ -378,3 +378,46 @@ def test_settings_beside_a_table_are_not_passed_over_in_silence(
     assert main([command, str(table), *named]) == 3
     said = " ".join(capsys.readouterr().err.split())
     assert ("grasp.toml is not read; give --config" in said) is not is_named
+
+
+@pytest.mark.parametrize(
+    ("command", "settings", "rule"),
+    [
+        ("fit", '[noise]\nsigma = "given"', '[noise] sigma = "given", but the table'),
+        ("compare", '[noise]\nsigma = "pooled"', "but no direction was pushed twice"),
+        ("fit", '[noise]\nrepeats = "gain"', "no direction was pushed in two repeats"),
+        ("next", "[grasp]\npreload_n = 3.0", "grasp.preload_n = 3: the heights are in"),
+    ],
+)
+def test_settings_that_do_not_go_with_a_table_are_named_by_their_file(
+    command, settings, rule, tmp_path, capsys
+):
+    table, config = tmp_path / "peaks.csv", tmp_path / "mine.toml"
+    table.write_text("theta_deg,alpha_deg,height_kpa\n20,0,1\n50,0,3\n80,0,4\n")
+    config.write_text(settings)
+    assert main([command, str(table), "-c", str(config)]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert f"error: {config}: " in said
+    assert rule in said
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        '[peaks]\nchannel = "force"',
+        '[peaks]\nnormal = "fz"',
+        "[peaks]\nbegin = 1000.0",
+        '[recording]\nencoding = "utf-9"',
+        '[recording]\nunit = { pressure = "furlong" }',
+        '[recording]\ncalibration = { pressure = { name = "biotac_pdc" } }',
+    ],
+)
+def test_settings_that_do_not_go_with_a_recording_name_the_recording(
+    settings, tmp_path, capsys
+):
+    config = tmp_path / "mine.toml"
+    config.write_text(settings)
+    plan = ALPHA_SWEEP.with_name("alpha_schedule.csv")
+    words = ["identify", str(ALPHA_SWEEP), "-s", str(plan), "-c", str(config)]
+    assert main(words) in (2, 3)
+    assert f"error: {ALPHA_SWEEP}: " in capsys.readouterr().err

@@ -13,11 +13,11 @@ import typer
 
 from pushfit.cli import options
 from pushfit.cli.asked import Asked, UnitOption, sensor_unit
-from pushfit.cli.inputs import naming_settings, warn_of_unread
+from pushfit.cli.inputs import warn_of_unread
 from pushfit.cli.output import refuse_picture, warn_of_missing
 from pushfit.cli.session import CommandSession
 from pushfit.cli.stop import say_kept
-from pushfit.errors import ConfigError, DataError, FitError
+from pushfit.errors import ConfigError, DataError, FitError, placed_in
 from pushfit.report.store.output_folder import PARTS
 
 if TYPE_CHECKING:
@@ -152,17 +152,17 @@ def explore(
         )
 
         settings = joints_stated(settings)
-        told = "the grasp of the example, as no --truth is given"
+        held_by = str(truth or "the grasp of the example, as no --truth is given")
         held = read_config(truth or example_folder() / "truth.toml")
         if "reach" not in held.model_fields_set:
             held = held.with_keys("reach", alpha_deg=settings.reach.alpha_deg)
-        with naming_settings(truth or told):
+        with placed_in(held_by, only=ConfigError):
             sensor = sensor_unit(settings, held, stated=unit)
         made_by |= {"noise": noise, "scatter": scatter}
         made_by["truth"] = held.model_dump(mode="json", exclude_none=True)
         normal = settings.peaks.normal or "fz"
         check_normal(normal)
-        with naming_settings(truth or told):
+        with placed_in(held_by, only=ConfigError):
             finger = simulated = simulated_hand(
                 held,
                 theta_deg=settings.reach.theta_deg,

@@ -13,10 +13,10 @@ import typer
 
 from pushfit.cli import options
 from pushfit.cli.asked import UnitOption, sensor_unit
-from pushfit.cli.inputs import load_peaks, naming_settings, read_settings
+from pushfit.cli.inputs import load_peaks, read_settings
 from pushfit.cli.output import refuse_existing, refuse_picture, write_text
 from pushfit.cli.session import CommandSession
-from pushfit.errors import DataError, counted
+from pushfit.errors import ConfigError, DataError, counted, placed_in
 from pushfit.report.strings import printable
 
 if TYPE_CHECKING:
@@ -219,7 +219,7 @@ def simulate(
 
     refuse_existing(output, force=force)
     plan, settings = read_schedule(schedule), read_config(config)
-    with naming_settings(config):
+    with placed_in(str(config or ""), only=ConfigError):
         recording = simulate_from_config(
             plan,
             settings,

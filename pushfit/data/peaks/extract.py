@@ -40,7 +40,7 @@ from pushfit.data.rows import rows_of
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.tables.traces import MAX_KEPT, ComponentTrace, Trace, envelope
 from pushfit.data.units import DECIMALS, Unit
-from pushfit.errors import DataError
+from pushfit.errors import DataError, placed_in
 
 HeightColumns = dict[str, Sequence[float] | Sequence[str]]
 
@@ -173,10 +173,11 @@ class _Look:
     @classmethod
     def at(cls, recording: Recording, settings: PeakSettings) -> "_Look":
         """Take the part and the channel that are to be looked at."""
-        whole = recording.between(settings.begin, settings.end)
-        part = looked_at(recording, settings)
-        settings = in_signal_unit(part, settings)
-        searched = search(*push_signal(part, settings), settings)
+        with placed_in(recording.place):
+            whole = recording.between(settings.begin, settings.end)
+            part = looked_at(recording, settings)
+            settings = in_signal_unit(part, settings)
+            searched = search(*push_signal(part, settings), settings)
         return cls(whole, part, settings, *searched)
 
     @property
@@ -224,8 +225,8 @@ class _Look:
                 raise no_pushes(signal, settings, paired.found, unit=self.unit)
             paired.refuse_doubt(settings)
         except DataError as error:
-            files = ", ".join(source.path for source in self.recording.sources)
-            message = f"{files}: {error}" if files else str(error)
+            place = self.recording.place
+            message = f"{place}: {error}" if place else str(error)
             # What a wrong unit of the time makes of the pushes looks like none.
             told = list(self.recording.cautions)
             if error.code == "push_mismatch":

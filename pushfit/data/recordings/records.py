@@ -45,6 +45,11 @@ class Recording:
     ignored: tuple[str, ...] = ()
     stated: dict[str, Unit] = field(default_factory=dict)
 
+    @property
+    def place(self) -> str:
+        """Files behind the samples, for messages; empty without any."""
+        return ", ".join(source.path for source in self.sources)
+
     def between(self, begin: float | None, end: float | None) -> "Recording":
         """The part between two times.
 

@@ -205,7 +205,9 @@ def open_text(path: str | Path, *, encoding: str | None = None) -> TextFile:
             "the file is empty: 0 data rows; record or copy it again",
             path=given,
         )
-    found = _checked_encoding(encoding) if encoding else _encoding_of(start, given)
+    found = (
+        _checked_encoding(encoding, given) if encoding else _encoding_of(start, given)
+    )
     refuse_other_types(start, given)
     digest, is_clean = hashlib.sha256(), found == "utf-8" and not is_gzip
     with open(given, "rb") as file:
@@ -235,12 +237,12 @@ def _gzip_errors(path: str) -> Iterator[None]:
         ) from error
 
 
-def _checked_encoding(encoding: str) -> str:
+def _checked_encoding(encoding: str, path: str) -> str:
     try:
         return codecs.lookup(encoding).name
     except LookupError as error:
         raise ConfigError(
-            f"encoding {encoding!r} is not known; try utf-8, utf-16 or latin-1",
+            f"{path}: encoding {encoding!r} is not known; try utf-8, utf-16 or latin-1",
             code="unknown_encoding",
         ) from error
 

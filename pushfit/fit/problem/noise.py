@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.errors import ConfigError
+from pushfit.errors import SettingsError
 from pushfit.fit.problem.repeats.averaging import MIN_POOLED_DOF
 from pushfit.fit.problem.repeats.effects import (
     both_ways,
@@ -88,7 +88,7 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
     """Noise model that `config.noise.sigma` asks for, or that the table supports.
 
     Raises:
-        ConfigError: If "given" is asked for without sd columns, or "pooled" without
+        SettingsError: If "given" is asked for without sd columns, or "pooled" without
             repeats or with noise that differs from direction to direction, or effects
             of repeats that nothing tells.
     """
@@ -126,7 +126,7 @@ def _of_each(
     warnings: tuple[ResultWarning, ...] = ()
     if choice == "given" and sds is None:
         columns = " and ".join(f"{name}_sd_{table.unit}" for name in table.channels)
-        raise ConfigError(
+        raise SettingsError(
             f'[noise] sigma = "given", but the table lacks {columns}; add what is '
             'missing or set sigma = "auto"',
             code="no_given_sigma",
@@ -145,13 +145,13 @@ def _of_each(
     pooled = {name: scatter(table, name) for name in table.channels}
     dof = min(int(p[1]) for p in pooled.values())
     if choice == "pooled" and dof < 1:
-        raise ConfigError(
+        raise SettingsError(
             '[noise] sigma = "pooled", but no direction was pushed twice; add repeats '
             'or set sigma = "sampled"',
             code="no_repeats",
         )
     if choice == "pooled" and is_uneven:
-        raise ConfigError(
+        raise SettingsError(
             '[noise] sigma = "pooled" with theta_sd_deg, alpha_sd_deg or '
             "height_share: the scatter of repeats holds that of their angles and "
             'heights already; set sigma = "auto"',

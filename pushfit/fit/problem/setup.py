@@ -16,7 +16,7 @@ from jaxtyping import Float
 from pushfit.config import GraspConfig
 from pushfit.data.grasp import is_calibrated, make_grasp
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.errors import ConfigError, DataError
+from pushfit.errors import DataError, SettingsError
 from pushfit.fit.problem.constraint_terms import with_constraints
 from pushfit.fit.problem.data_coordinates import data_names
 from pushfit.fit.problem.noise import Noise, choose_noise
@@ -71,7 +71,7 @@ def build_problem(table: PeakTable, config: GraspConfig) -> Setup:
 
     Raises:
         DataError: If no usable row is left, or the rows can show nothing.
-        ConfigError: If the configuration asks for noise or units the table lacks, or
+        SettingsError: If the configuration asks for noise or units the table lacks, or
             leaves nothing to infer.
     """
     used = np.flatnonzero(table.is_used)
@@ -106,7 +106,7 @@ def build_problem(table: PeakTable, config: GraspConfig) -> Setup:
     else:
         priors.pop("p", None)
     if not priors:
-        raise ConfigError(
+        raise SettingsError(
             "every parameter is fixed, so there is nothing to infer; leave one free in "
             "[parameters], or read off the model with `pushfit simulate`",
             code="nothing_free",

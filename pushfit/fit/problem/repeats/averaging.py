@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.errors import ConfigError
+from pushfit.errors import SettingsError
 from pushfit.fit.results import ResultWarning
 
 # A pooled sd from 20 degrees of freedom is known to 16 %, and a 90 % interval that
@@ -34,7 +34,7 @@ def averaged(table: PeakTable, sigma: str) -> PeakTable:
         A mean stands in the row of its first push; the others are flagged `averaged`.
 
     Raises:
-        ConfigError: Repeats are too few to tell their scatter.
+        SettingsError: Repeats are too few to tell their scatter.
     """
     used = np.flatnonzero(table.is_used)
     _, first, direction = np.unique(
@@ -73,7 +73,7 @@ def averaging_warning(before: PeakTable, after: PeakTable) -> ResultWarning:
 def _check_known(dof: int, sigma: str, *, column: str) -> None:
     """Refuse a scatter that hardly any repeat tells, unless it was asked for."""
     if dof < MIN_POOLED_DOF and sigma != "pooled":
-        raise ConfigError(
+        raise SettingsError(
             f'[noise] angle_errors = "shared" needs the noise of heights: {dof} '
             f"repeats beyond the first are fewer than {MIN_POOLED_DOF}; add the "
             f'column {column}, or take their scatter as known by sigma = "pooled"',

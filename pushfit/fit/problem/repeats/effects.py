@@ -14,7 +14,7 @@ import scipy
 from jaxtyping import Float, Int
 
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.errors import ConfigError
+from pushfit.errors import SettingsError
 from pushfit.fit.results import ResultWarning
 from pushfit.parameters import TINY
 
@@ -36,12 +36,12 @@ def without_repeat_effects(table: PeakTable, kind: str) -> PeakTable:
         kind: "offset" or "gain".
 
     Raises:
-        ConfigError: If no two repeats share a direction.
+        SettingsError: If no two repeats share a direction.
     """
     used = table.is_used
     direction, repeat = both_ways(table)
     if not is_crossed(direction, repeat):
-        raise ConfigError(
+        raise SettingsError(
             f'[noise] repeats = "{kind}", but no direction was pushed in two repeats; '
             f"push every direction again, state how much repeats differ ({kind}_sd), "
             'or set repeats = "alike"',
