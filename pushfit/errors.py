@@ -151,7 +151,7 @@ def check_seed(seed: int) -> None:
     """
     if not isinstance(seed, numbers.Integral) or seed < 0:
         raise ConfigError(
-            f"seed = {seed}: a seed is a whole number, 0 or above", code="seed"
+            f"seed = {seed!r}: a seed is a whole number, 0 or above", code="seed"
         )
 
 

@@ -115,7 +115,8 @@ def test_what_a_full_disk_refuses_is_named(writer, tmp_path, monkeypatch, capsys
     monkeypatch.setattr(os, "fsync", refuse)
     out = tmp_path / "out.png"
     assert main([*writer, str(out)]) == 2
-    assert f"error: {out}: No space left on device" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert f"error: {out}: No space left on device; nothing was written" in said
     assert not os.listdir(tmp_path)
 
 

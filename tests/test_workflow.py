@@ -119,9 +119,9 @@ def test_a_seed_below_0_is_refused_before_anything_is_fitted(begin, table, tmp_p
 @pytest.mark.repeated
 @pytest.mark.parametrize("seed", [1.5, None, "1"])
 def test_a_seed_is_a_whole_number(seed, table, tmp_path):
-    with pytest.raises(ConfigError, match=f"seed = {seed}: .* 0 or above"):
+    with pytest.raises(ConfigError, match=f"seed = {seed!r}: .* 0 or above"):
         pushfit.identify(table, seed=seed)
-    with pytest.raises(ConfigError, match=f"seed = {seed}: .* 0 or above"):
+    with pytest.raises(ConfigError, match=f"seed = {seed!r}: .* 0 or above"):
         identify_batch(SWEEP, tmp_path / "out", seed=seed)
 
 

@@ -163,9 +163,8 @@ class CommandSession:
         except BrokenPipeError:
             raise
         except OSError as error:
-            self._report(
-                f"{error.filename or 'output'}: {error.strerror or error}", error
-            )
+            what = f"{error.filename or 'output'}: {error.strerror or error}"
+            self._report(f"{what}; {what_is_kept()}", error)
             return CANNOT_WRITE
         except Exception as error:  # the border: every other failure is ours
             if (wrong := _wrong_environment()) is not None:

@@ -161,6 +161,8 @@ for changes in (
     {"theta": None},
     {"alpha": "across"},
     {"sd": {"height": "small"}},
+    {"theta": "0.5"},
+    {"heights": {"height": "1.0"}},
 ):
     try:
         own.tell(**(push | changes))
@@ -189,6 +191,8 @@ def test_what_is_no_number_is_refused_where_it_is_told():
         "theta = None",
         "alpha = 'across'",
         "height = 'small'",
+        "theta = '0.5'",
+        "height = '1.0'",
     ]
     assert all(line.endswith("a push without a height by `fail()`") for line in said)
 

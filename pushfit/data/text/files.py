@@ -199,6 +199,13 @@ def refuse_other_types(start: bytes, path: str) -> None:
             "download the data again",
             path=path,
         )
+    if text.startswith(b'{"event"'):
+        raise refuse(
+            "not_csv",
+            "is the journal of an exploration, with which `pushfit explore` goes on; "
+            "its pushes are in peaks.csv of the result",
+            path=path,
+        )
     if text.startswith((b"{", b"[{", b"[[")):
         raise refuse("not_csv", "is JSON; export the signals as CSV", path=path)
 

@@ -132,7 +132,8 @@ def number_of(name: str, value: object) -> float:
         DataError: It is none, or not finite.
     """
     try:
-        number = float(value)  # pyright: ignore
+        # Of text too Python would make a number.
+        number = np.nan if isinstance(value, str) else float(value)  # pyright: ignore
     except (TypeError, ValueError, OverflowError):
         number = np.nan
     if not np.isfinite(number):

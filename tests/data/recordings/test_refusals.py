@@ -44,6 +44,12 @@ REFUSED = {
         "not_csv",
         ["Git LFS pointer", "git lfs pull"],
     ),
+    "journal": (
+        '{"event": "start", "ask": ["theta_c"]}',
+        {},
+        "not_csv",
+        ["journal of an exploration", "peaks.csv"],
+    ),
     "json": ('{"time": [0, 1]}', {}, "not_csv", ["JSON", "export"]),
     "cut_gzip": (gzip.compress(GOOD.encode())[:-12], {}, "bad_gzip", ["copy the file"]),
     "latin_1": (
