@@ -202,8 +202,8 @@ def _follows(
     if dof < 1 or norm <= ROUNDING * float(np.linalg.norm(change)):
         return np.nan, 1, np.nan
     along = float(seen @ free) / norm
-    rest = max(float(free @ free) - along**2, 0.0)
-    return along / np.sqrt(max(rest, TINY) / dof), dof, along / norm
+    rest = max(float(free @ free) - along**2, TINY)
+    return along / np.sqrt(rest / dof), dof, along / norm
 
 
 def _steep(

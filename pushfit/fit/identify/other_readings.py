@@ -32,22 +32,21 @@ def other_reading(fitted: Fitted, *, seed: int) -> ResultWarning | None:
     Args:
         fitted: The table as it was read.
     """
-    here, found = sweep(fitted, seed), [(np.log(1 / LEVEL), "")]
+    here, gain, said = sweep(fitted, seed), np.log(1 / LEVEL), ""
     for words, table in _readings(fitted.table):
         try:
             other = fit_table(table, fitted.config)
             if is_comparable(fitted, other):
-                gain = log_bayes_factor(here, sweep(other, seed))
-                found.append((gain if gain > 0 else 0.0, words))
+                found = log_bayes_factor(here, sweep(other, seed))
+                gain, said = (found, words) if found > gain else (gain, said)
         except PushfitError:
             continue
-    gain, words = max(found)
-    if not words:
+    if not said:
         return None
     return ResultWarning(
         code="other_reading",
         text=f"heights are far more probable (by {gain:.0f} in log evidence) if "
-        f"{words}: look how the table was made",
+        f"{said}: look how the table was made",
     )
 
 

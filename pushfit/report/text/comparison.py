@@ -161,14 +161,10 @@ def _told_apart(
         return []
     level = [model_name(model) for model in ranked if not is_worse(model)]
     worse = [f"{model_name(m)} ({reason(m)})" for m in ranked if is_worse(m)]
-    parts = []
-    if len(level) > 1:
-        parts.append(f"cannot tell {join_and(level)} apart")
-    else:
-        parts.append(f"favour {level[0]}")
-    if worse:
-        parts.append(f"speak against {join_and(worse)}")
-    return [f"{criterion} these heights {', and '.join(parts)}."]
+    alike = f"cannot tell {join_and(level)} apart"
+    said = alike if len(level) > 1 else f"favour {level[0]}"
+    against = f", and speak against {join_and(worse)}" if worse else ""
+    return [f"{criterion} these heights {said}{against}."]
 
 
 def _odds(log_bayes_factor: float | None) -> str:
@@ -182,15 +178,15 @@ def _odds(log_bayes_factor: float | None) -> str:
 def _line(model: ModelScore) -> str:
     describes = "yes" if model.is_adequate else "no"
     return (
-        f"{model_name(model):<14}{describes:>9}{_number(model.log_evidence, '.2f'):>13}"
-        f"{_number(model.log_bayes_factor, '.2f'):>10}"
+        f"{model_name(model):<14}{describes:>9}{_number(model.log_evidence):>13}"
+        f"{_number(model.log_bayes_factor):>10}"
         f"{_with_se(model.elpd_loo, model.elpd_loo_se):>18}"
         f"{_with_se(model.elpd_difference, model.elpd_difference_se):>16}"
     )
 
 
-def _number(value: float | None, form: str) -> str:
-    return "-" if value is None else f"{value:{form}}"
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"
 
 
 def _with_se(value: float | None, se: float | None) -> str:

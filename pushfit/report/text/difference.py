@@ -106,13 +106,16 @@ def compare_results(first: Identification, second: Identification) -> ResultDiff
             "pushes by `pushfit compare`",
             code="same_inputs",
         )
+    named = {quantity.name: quantity for quantity in _quantities(second)}
     found, left_out = [], []
-    for name in (q.name for q in _quantities(first)):
-        reason = _why_not(name, first, second)
-        if reason:
-            left_out.append(f"{symbol(name)}, because {reason}")
+    for ours in _quantities(first):
+        theirs, reason = named.get(ours.name), "the second result does not have it"
+        if theirs is not None:
+            reason = _why_not(ours, theirs, first, second)
+        if theirs is None or reason:
+            left_out.append(f"{symbol(ours.name)}, because {reason}")
         else:
-            found.append(_difference(name, first, second))
+            found.append(_difference(ours, theirs, first, second))
     titles = [mechanics_named(one.mechanics).title for one in (first, second)]
     notes = (
         [f"the first is by {titles[0]}, the second by {titles[1]}, which differ, too"]
@@ -129,28 +132,23 @@ def _quantities(result: Identification) -> tuple[Quantity, ...]:
     return (*angles, *result.combinations, *result.parameters)
 
 
-def _named(result: Identification, name: str) -> Quantity | None:
-    return next((q for q in _quantities(result) if q.name == name), None)
-
-
-def _why_not(name: str, first: Identification, second: Identification) -> str:
+def _why_not(
+    ours: Quantity, theirs: Quantity, first: Identification, second: Identification
+) -> str:
     """Why a quantity cannot be compared; empty if it can."""
-    both = [_named(result, name) for result in (first, second)]
-    for which, quantity in zip(("first", "second"), both, strict=True):
-        if quantity is None:
-            return f"the {which} result does not have it"
+    for which, quantity in (("first", ours), ("second", theirs)):
         if quantity.verdict is Verdict.ASSUMED:
             return f"the {which} result has it from the prior alone"
         if quantity.estimate is None or quantity.interval is None:
             return f"in the {which} result it is {_unquoted(quantity)}"
-    units = {unit_label(quantity.unit) for quantity in both if quantity}
+    units = {unit_label(quantity.unit) for quantity in (ours, theirs)}
     if len(units) > 1:
         return f"one result has it in {' and the other in '.join(sorted(units))}"
     azimuths = {result.reference_alpha_deg for result in (first, second)}
-    if name == "theta_c" and len(azimuths) > 1:
+    if ours.name == "theta_c" and len(azimuths) > 1:
         at = " and ".join(f"{azimuth:g}°" for azimuth in sorted(azimuths))
         return f"it belongs to α = {at}; state grasp.reference_alpha_deg"
-    draws = [result.posterior.samples.get(name) for result in (first, second)]
+    draws = [result.posterior.samples.get(ours.name) for result in (first, second)]
     if any(d is None or np.mean(np.isnan(d)) > MAX_NONE for d in draws):
         return "it does not exist in a good part of the draws"
     return ""
@@ -163,19 +161,15 @@ def _unquoted(quantity: Quantity) -> str:
     return UNQUOTED if is_withheld(quantity) else verdict_word(quantity.verdict)
 
 
-def _difference(name: str, first: Identification, second: Identification) -> Difference:
-    ours, theirs = _named(first, name), _named(second, name)
-    assert ours is not None
-    assert theirs is not None
-    change = subtracted(
-        first.posterior.samples[name],
-        second.posterior.samples[name],
-        is_axis=name == "alpha_star",
-    )
+def _difference(
+    ours: Quantity, theirs: Quantity, first: Identification, second: Identification
+) -> Difference:
+    draws = [result.posterior.samples[ours.name] for result in (first, second)]
+    change = subtracted(*draws, is_axis=ours.name == "alpha_star")
     tail = (1 - ours.prob) / 2
     low, middle, high = np.quantile(change, [tail, 0.5, 1 - tail])
     return Difference(
-        name=name,
+        name=ours.name,
         unit=ours.unit,
         first=ours,
         second=theirs,

@@ -79,7 +79,7 @@ def _heading(identification: Identification, width: int) -> str:
     lines.append(pushes + (f", from {files}" if files else ""))
     if quality.is_adequate:
         lines.append(quality.sentence)
-    return "\n\n".join(_wrap(line, width) for line in lines if line)
+    return "\n\n".join(_wrap(line, width) for line in lines)
 
 
 def _quantities(quantities: Sequence[Quantity], width: int) -> str:
@@ -133,10 +133,9 @@ def _pairs(rows: Sequence[tuple[str, str]], width: int) -> str:
         return ""
     # Long names would squeeze the text on a narrow terminal.
     column = min(max(len(name) for name, _ in rows) + 2, width // 3)
-    lines = []
-    for name, text in rows:
-        lines.append(_wrap(f"{name:<{column}}{text}", width, " " * column))
-    return "\n".join(lines)
+    return "\n".join(
+        _wrap(f"{name:<{column}}{text}", width, " " * column) for name, text in rows
+    )
 
 
 def _bullets(sentences: Iterable[str], width: int) -> str:
@@ -150,10 +149,5 @@ def _section(title: str, body: str, width: int) -> str:
 def _wrap(text: str, width: int, indent: str = "") -> str:
     """Text broken at blanks, continuation lines indented."""
     return textwrap.fill(
-        printable(text),
-        width,
-        subsequent_indent=indent,
-        break_on_hyphens=False,
-        replace_whitespace=False,
-        drop_whitespace=True,
+        printable(text), width, subsequent_indent=indent, break_on_hyphens=False
     )
