@@ -82,6 +82,27 @@ def test_unreliable_importance_sampling_is_said(pareto_k, words):
     )
 
 
+def test_the_best_has_no_error_beside_itself():
+    """Every standard error of a score is above 0; that of no difference is 0."""
+    assert "± 0.0" not in comparison_text(make_comparison())
+
+
+def test_the_only_model_that_predicts_pushes_is_not_favoured():
+    hard, *others = make_comparison(evidence=None).models
+    alone = {"densities": None, "elpd_difference": None, "elpd_difference_se": None}
+    models = (hard, *(replace(other, **alone) for other in others))
+    sentences = comparison_sentences(replace(make_comparison(), models=models))
+    assert not any("By predicting" in s for s in sentences)
+    assert any("No push is predicted from the others by soft" in s for s in sentences)
+
+
+def test_one_model_that_describes_the_heights_is_enough():
+    hard, *others = make_comparison().models
+    models = (replace(hard, is_adequate=False), *others)
+    found = replace(make_comparison(), models=models)
+    assert "None of the models" not in comparison_text(found)
+
+
 def test_that_no_model_describes_the_heights_comes_first():
     found = make_comparison(is_adequate=False, verdict="Residuals follow θ.")
     text = " ".join(comparison_text(found).split())
@@ -100,7 +121,8 @@ def test_untrusted_models_are_named_first_and_not_ranked():
     )
     found = replace(found, models=models)
     assert comparison_text(found).startswith("Do not use the numbers of hard: the")
-    assert not any("By predicting" in s for s in comparison_sentences(found))
+    sentences = comparison_sentences(found)
+    assert not any("By predicting" in s or "No push" in s for s in sentences)
     assert found.status is FitStatus.NOT_CONVERGED
 
 

@@ -1,6 +1,7 @@
 """Two results side by side: the differences of known posteriors."""
 
 import json
+import re
 from dataclasses import replace
 from math import erf
 
@@ -12,7 +13,12 @@ from pushfit.errors import DataError
 from pushfit.fit.results import Verdict
 from pushfit.report.figures.forest import forest_figure
 from pushfit.report.store import read as stored
-from pushfit.report.text.difference import compare_results, difference_text, subtracted
+from pushfit.report.text.difference import (
+    compare_results,
+    difference_text,
+    sentence,
+    subtracted,
+)
 from tests.report.makers import make_angle
 from tests.tolerances import EXACT
 
@@ -66,6 +72,30 @@ def test_what_changed_is_clear_and_what_did_not_is_not(determined, later):
     assert "no clear difference" in text
 
 
+def test_what_is_smaller_is_as_clear_as_what_is_larger(determined, later):
+    """θ_c has an sd of 1.2°: 5° are three of those of the difference, or 99.8 %."""
+    for pair, word in (
+        ((determined, later), "larger"),
+        ((later, determined), "smaller"),
+    ):
+        first, *_ = compare_results(*pair).differences
+        assert first.is_clear
+        assert f" {word} (90 %" in sentence(first)
+        assert re.search(r"; 99\.\d %\)$", sentence(first))
+
+
+@pytest.mark.parametrize(("never", "is_compared"), [(0.04, True), (0.06, False)])
+def test_an_angle_that_few_draws_lack_is_compared(
+    determined, later, never, is_compared
+):
+    samples = dict(later.posterior.samples)
+    draws = samples["theta_c"].copy()
+    draws[: round(never * draws.size)] = np.nan
+    lacking = replace(later.posterior, samples=samples | {"theta_c": draws})
+    found = compare_results(determined, replace(later, posterior=lacking))
+    assert ("theta_c" in {one.name for one in found.differences}) is is_compared
+
+
 def test_results_of_the_same_pushes_are_refused(determined):
     with pytest.raises(DataError, match="not independent"):
         compare_results(determined, determined)
@@ -84,7 +114,9 @@ def test_results_by_other_mechanics_are_told_of(determined, later):
 
 def test_what_cannot_be_compared_is_said(determined, later, not_converged):
     turned = replace(later, reference_alpha_deg=0.0)
-    (left,) = compare_results(determined, turned).left_out[:1]
+    found = compare_results(determined, turned)
+    assert {"alpha_star", "A"} <= {one.name for one in found.differences}
+    left, *_ = found.left_out
     assert left == (
         "θ_c, because it belongs to α = 0° and 90°; state grasp.reference_alpha_deg"
     )
@@ -115,6 +147,11 @@ def test_why_a_quantity_is_not_compared_is_a_plain_sentence(
     ours = replace(determined, combinations=(first, *others))
     lines = difference_text(compare_results(ours, later)).splitlines()
     assert f"not compared: {first.name}, because {said}" in lines
+
+
+def test_several_modes_have_an_interval_and_nothing_to_subtract(two_modes, later):
+    left, *_ = compare_results(two_modes, later).left_out
+    assert left == "θ_c, because in the first result it is several modes"
 
 
 def test_the_figure_has_a_row_for_each_quantity(determined, later):

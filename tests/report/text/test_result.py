@@ -336,6 +336,8 @@ def test_a_one_sided_stiffness_shows_its_bound_and_no_value(make_identification)
     )
     text = render_text(replace(result, combinations=(first, second)))
     assert re.search(r"^B +see set +above 77.0 +N/m +one-sided", text, re.MULTILINE)
+    narrow = render_text(replace(result, combinations=(first, second)), width=40)
+    assert "B: above 77.0 N/m; one-sided" in narrow
 
 
 @pytest.mark.parametrize("width", [20, 44, 71, 80, 120])
