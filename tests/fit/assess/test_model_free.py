@@ -153,6 +153,42 @@ def test_pushes_that_roll_turn_the_cosine_as_the_model_has_it(
     assert [warning.code for warning in found] == codes
 
 
+@pytest.mark.parametrize(
+    ("apart", "turned", "grasp", "codes"),
+    [
+        (9.5, 0.0, LINEAR, []),
+        (10.5, 0.0, LINEAR, [DISAGREEMENT]),
+        (40.0, 7.5, TILTING, [ROLLED]),
+        (40.0, 12.5, TILTING, [DISAGREEMENT]),
+    ],
+)
+def test_intervals_of_10_degrees_disagree_if_they_do_not_touch(
+    apart, turned, grasp, codes
+):
+    """And the model's own cosine explains it within the width of one."""
+    table = wave_table(AXIS_DEG, 1.0, 0.1)
+    some = model_free_direction(table, reach=REACH, prob=0.9, seed=0)
+    middle = AXIS_DEG + apart
+    first, second = (
+        replace(some, interval=(centre - 5.0, centre + 5.0))
+        for centre in (AXIS_DEG, middle)
+    )
+
+    def predict(angles):
+        return -np.cos(2 * (angles[1] - np.radians(middle + turned)))[None]
+
+    found = direction_disagreement(first, second, table, grasp=grasp, predict=predict)
+    assert [warning.code for warning in found] == codes
+
+
+@pytest.mark.parametrize(("n_azimuths", "is_found"), [(2, False), (3, True)])
+def test_three_azimuths_at_an_elevation_are_a_sweep(n_azimuths, is_found):
+    frame = wave_table(AXIS_DEG, 1.0, 0.1).frame
+    kept = PeakTable.from_frame(frame[frame["alpha_deg"] < 30.0 * n_azimuths - 1])
+    found = model_free_direction(kept, reach=REACH, prob=0.9, seed=0)
+    assert (found is not None) is is_found
+
+
 def test_normal_heights_alone_have_no_direction():
     table = tilting_table(60.0, ("height_normal",))
     assert model_free_direction(table, reach=REACH, prob=0.9, seed=0) is None

@@ -1,10 +1,12 @@
 """What the order of the pushes makes doubtful."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
+import scipy
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.checks.push_order import drift_in_repeats, follows_elevation
@@ -43,9 +45,44 @@ def test_a_drift_that_repeats_in_a_row_show_is_that_of_least_squares(in_proporti
         if in_proportion
         else np.linalg.lstsq(np.c_[push, dummies], heights)[0]
     )
-    words = text.split(" by ")[1].split()
-    assert (words[1] == "%") is in_proportion
-    np.testing.assert_allclose(float(words[0]), column[0], rtol=DIGITS)
+    assert ("%" in text) is in_proportion
+    step, whole = (float(word) for word in re.findall(r" ([+-]\S+) ", text))
+    np.testing.assert_allclose(step, column[0], rtol=DIGITS)
+    np.testing.assert_allclose(whole, (push.size - 1) * column[0], rtol=DIGITS)
+
+
+def pushes(theta_deg, push, heights) -> PeakTable:
+    """Of one azimuth, by their numbers."""
+    table = PeakTable.from_arrays(
+        theta=np.radians(theta_deg),
+        alpha=np.full(len(theta_deg), 0.5),
+        heights={"height": np.asarray(heights)},
+        unit="n",
+    )
+    return PeakTable.from_frame(table.frame.assign(push=push))
+
+
+@pytest.mark.parametrize(("chance", "is_said"), [(0.007, False), (0.0035, True)])
+def test_two_directions_pushed_twice_have_one_degree_of_freedom(chance, is_said):
+    """Of rises a and b by push, t = (a + b) / |a - b| with one degree of freedom."""
+    apart = 1.1 / scipy.stats.t.isf(chance / 2, 1)
+    half = np.array([1.1 + apart, 1.1 - apart]) / 4
+    heights = 5.0 + np.ravel([-half, half], order="F")
+    table = pushes([20.0, 20.0, 60.0, 60.0], [1, 2, 9, 10], heights)
+    assert bool(list(drift_in_repeats(table))) is is_said
+
+
+def test_pairs_of_directions_in_turn_are_not_pushed_in_a_row():
+    """A fifth of the spread of their numbers lies within directions."""
+    order = np.arange(1, 9)
+    theta_deg = 20.0 * np.array([1, 2, 1, 2, 3, 4, 3, 4])
+    table = pushes(theta_deg, order, 5 - 0.1 * order + 1e-3 * (order % 3))
+    assert not list(drift_in_repeats(table))
+
+
+def test_a_table_of_which_all_is_left_out_drifts_nowhere():
+    table = drifting(in_a_row=True)
+    assert not list(drift_in_repeats(table.with_flag(range(table.n_pushes), "gap")))
 
 
 def test_a_drift_is_not_said_without_one_or_where_sweeps_are_repeated():
@@ -72,6 +109,7 @@ def test_noise_of_repeats_drifts_in_one_table_of_a_hundred_at_most():
     ("theta_deg", "is_ordered"),
     [
         ([10, 25, 40, 55, 70], True),
+        ([70, 55, 40, 25, 10], True),
         ([10, 25, 40, 55], False),
         ([10, 40, 25, 70, 55], False),
     ],
@@ -115,6 +153,16 @@ def test_one_direction_that_is_pushed_again_at_the_end_would_show_a_drift():
     again = pd.concat([frame.iloc[1:], frame.iloc[:1]])
     again = again.assign(push=np.arange(1, len(frame) + 1))
     assert not follows_elevation(PeakTable.from_frame(again))
+
+
+@pytest.mark.parametrize(("share", "is_ordered"), [(0.4, True), (0.6, False)])
+def test_a_direction_again_after_half_of_the_pushes_would_show_a_drift(
+    share, is_ordered
+):
+    theta_deg = np.linspace(5.0, 85.0, 60)
+    again = np.insert(theta_deg, round(60 * share), theta_deg[0])
+    table = pushes(again, np.arange(1, 62), np.linspace(1.0, 2.0, 61))
+    assert follows_elevation(table) is is_ordered
 
 
 def test_a_drift_is_a_fault_of_the_table():

@@ -53,7 +53,9 @@ def test_what_was_not_foreseen_moves_no_bar_back():
     stages = Stages(names, lambda stage, share: said.append(share))
     for name in ("next push", "emcee", "checks"):
         stages.begin(name)
+    stages.within("checks", 1.0)
     assert said == sorted(said)
+    assert said[-1] == 1.0
 
 
 def test_compiling_takes_its_share():

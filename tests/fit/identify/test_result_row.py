@@ -80,3 +80,9 @@ def test_an_axis_has_its_period_where_all_azimuths_are_reached(alpha_deg, period
 
 def test_a_fixed_angle_has_no_prior():
     assert prior_of_angle(np.array([45.0]), np.full(4000, 45.0)) is None
+
+
+@pytest.mark.parametrize(("n_draws", "is_known"), [(399, False), (400, True)])
+def test_a_few_draws_that_roll_tell_no_prior_of_the_angle(n_draws, is_known):
+    prior = np.append(np.linspace(5.0, 85.0, n_draws), np.full(1000, np.nan))
+    assert (prior_of_angle(np.array([45.0]), prior) is not None) is is_known

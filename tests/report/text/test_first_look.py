@@ -35,6 +35,10 @@ def by(mechanics: str, search: FitsAlong | None = None) -> Setup:
             "θ_c = 41.3° at α = 90°; 63.0° fits nearly as well",
         ),
         (
+            [(41.26, 50.0), (44.0, 51.5)],
+            "θ_c = 41.3° at α = 90°; 44.0° fits nearly as well",
+        ),
+        (
             [(None, 50.0)],
             "no θ_c, the contact never rolls",
         ),
