@@ -19,14 +19,8 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 
 from pushfit.arguments import checked
 from pushfit.errors import ConfigError
+from pushfit.mechanics import ranges
 from pushfit.mechanics.numerics import asinhc, norm2, sinhc
-from pushfit.mechanics.ranges import (
-    OF_CONTACT,
-    OF_GRASP,
-    check_angles,
-    check_fields,
-    check_together,
-)
 from pushfit.mechanics.registry import Mechanics, mechanics_named
 
 jax.config.update("jax_enable_x64", True)
@@ -107,7 +101,7 @@ class Parameters(eqx.Module):
 
     def __check_init__(self) -> None:
         """Refuse what no contact has."""
-        check_fields(self, OF_CONTACT)
+        ranges.check_fields(self, ranges.OF_CONTACT)
 
 
 class Pushes(eqx.Module):
@@ -139,10 +133,11 @@ class Pushes(eqx.Module):
 
     def __check_init__(self) -> None:
         """Refuse what is no direction, such as degrees."""
-        check_together("Pushes", theta=self.theta, alpha=self.alpha)
+        ranges.check_together("Pushes", theta=self.theta, alpha=self.alpha)
         for name in ("theta", "alpha"):
             # A direction may be turned, by a turn at most.
-            check_angles(f"Pushes: {name}", getattr(self, name), most=4 * math.pi)
+            angles = getattr(self, name)
+            ranges.check_angles(f"Pushes: {name}", angles, most=4 * math.pi)
 
 
 class Grasp(eqx.Module):
@@ -176,7 +171,7 @@ class Grasp(eqx.Module):
 
     def __check_init__(self) -> None:
         """Refuse what no grasp has."""
-        check_fields(self, OF_GRASP)
+        ranges.check_fields(self, ranges.OF_GRASP)
         try:
             self.law  # noqa: B018 - looked up
         except LookupError as error:
