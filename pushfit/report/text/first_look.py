@@ -36,8 +36,6 @@ class FirstLook(Listener):
 
     def fitted(self, fitted: Fitted) -> None:
         """Say θ_c of the best fit, and of others that fit nearly as well."""
-        if not fitted.fit.modes:
-            return
         best, *others = fitted.fit.modes
         by = f"best fit by {_mechanics(fitted.setup)} mechanics"
         if best.theta_c_deg is None:
@@ -59,8 +57,7 @@ class FirstLook(Listener):
         if theta_c is not None:
             pieces = join_or([format_range(*piece, "deg") for piece in theta_c.pieces])
             level = f"({100 * theta_c.prob:g} %, {_mechanics(fitted.setup)})"
-            modes = fitted.fit.modes
-            is_none = bool(modes) and modes[0].theta_c_deg is None
+            is_none = fitted.fit.modes[0].theta_c_deg is None
             where = ", where the contact rolls" if is_none else ""
             self.tell(f"likelihood set of θ_c {level}{where}: {pieces or 'empty'}")
 

@@ -5,6 +5,7 @@ import pytest
 from scipy import stats
 
 from pushfit.data.tables.peak_table import PeakTable
+from pushfit.fit.checks.leave_one_out import LeftOut
 from pushfit.fit.checks.model_checking import (
     LEVEL,
     MIN_TESTED,
@@ -82,6 +83,9 @@ def test_a_posterior_beside_the_likelihood_is_told_of(centre, is_open, found):
     draws = stats.norm.ppf((np.arange(1000) + 0.5) / 1000, centre, 2.0)
     samples, profiles = {"theta_c": draws}, {"theta_c": profile}
     assert contradicted_quantities(samples, profiles, prob=0.9) == found
+    # Most draws have no such angle.
+    samples["theta_c"] = np.append(draws, np.full(4000, np.nan))
+    assert contradicted_quantities(samples, profiles, prob=0.9) == ()
 
 
 def curve() -> np.ndarray:
@@ -100,6 +104,65 @@ def test_residuals_far_below_the_noise_may_follow_their_neighbours():
     assert found.is_adequate
     assert found.pattern_p_value is None
     assert found.predictive == ()
+
+
+@pytest.mark.parametrize(("share", "is_asked"), [(0.09, False), (0.12, True)])
+def test_a_tenth_of_the_noise_is_what_a_pattern_needs(share, is_asked):
+    found = criticise(curve(), curve() + share * SIGMA)
+    assert (found.pattern_p_value is not None) is is_asked
+
+
+@pytest.mark.parametrize(("n_directions", "is_asked"), [(7, False), (8, True)])
+def test_a_pattern_needs_eight_directions(n_directions, is_asked):
+    n = 3 * n_directions
+    found = criticise(curve()[:n], noisy(1, curve())[:n], theta_deg=THETA_DEG[:n])
+    assert (found.pattern_p_value is not None) is is_asked
+
+
+@pytest.mark.parametrize(("share", "is_adequate"), [(0.75, False), (0.85, True)])
+def test_a_fit_explains_four_fifths_or_is_said_to_explain_little(share, is_adequate):
+    """Of errors that are even in size and of both signs."""
+    theta_deg = np.linspace(5.0, 85.0, 40)
+    observed = np.linspace(1.0, 3.0, 40)
+    sizes = np.sqrt((1 - share) * np.var(observed)) * np.resize([1.0, -1.0], 40)
+    found = criticise(observed + sizes, observed, kind="sampled", theta_deg=theta_deg)
+    np.testing.assert_allclose(found.r_squared, share, rtol=ROUTES)
+    assert found.is_adequate is is_adequate
+    assert ("these heights: it explains only 75%" in found.sentence) != is_adequate
+
+
+@pytest.mark.parametrize(("n", "is_adequate"), [(3, True), (4, False)])
+def test_as_many_directions_as_unknowns_are_met_by_any_model(n, is_adequate):
+    """And what explains less than nothing is said to explain nothing."""
+    theta_deg, observed = np.linspace(10.0, 80.0, n), np.linspace(1.0, 2.0, n)
+    found = criticise(observed[::-1], observed, kind="sampled", theta_deg=theta_deg)
+    assert found.is_adequate is is_adequate
+    assert ("explains only 0%" in found.sentence) != is_adequate
+
+
+def test_repeats_judge_a_fit_better_than_what_it_explains():
+    flat = np.full(THETA_DEG.size, 2.0)
+    found = criticise(flat, noisy(6, flat), kind="sampled")
+    assert found.r_squared <= NOTHING
+    assert found.lack_of_fit_p_value > LEVEL
+    assert found.is_adequate
+
+
+def test_a_noise_that_was_taken_from_the_misfit_is_said_where_nothing_fails():
+    good = criticise(curve(), noisy(1, curve()), is_scattered=True)
+    assert "a noise that is taken from what it misses" in good.sentence
+    bent = curve() + 0.3 * np.sin(np.radians(4 * THETA_DEG))
+    bad = criticise(curve(), noisy(3, bent), is_scattered=True)
+    assert "does not describe" in bad.sentence
+
+
+def test_of_pushes_that_others_do_not_predict_the_first_is_an_outlier():
+    left_out = [
+        LeftOut(row=row, channel="height", height=1.0, predicted=2.0, p_value=1e-6)
+        for row in (7, 2)
+    ]
+    found = criticise(curve(), curve(), left_out=left_out)
+    assert found.outliers == ("push 8 (θ = 15°, α = 0°)",)
 
 
 def test_few_heights_are_not_said_to_fit():

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from pushfit.config import GraspConfig, parse_config
-from pushfit.fit.checks.tilt_check import does_tilt_matter, is_worse, tilt_warning
+from pushfit.fit.checks.tilt_check import (
+    do_draws_tilt,
+    does_tilt_matter,
+    is_worse,
+    tilt_warning,
+)
 from tests.report.makers import make_answer, make_posterior
 
 MEASURED = "[push]\nlength_mm = 5.0\n[parameters.L]\nfixed = 0.04\n"
@@ -40,6 +45,20 @@ def test_a_tilt_matters_where_it_moves_the_angle_by_a_quarter_of_its_interval(
         replace(some, samples={"theta_c": draws}) for draws in (40.0 + offsets, tilted)
     )
     assert does_tilt_matter(linear, tilting, prob=0.9) is matters
+
+
+@pytest.mark.parametrize(
+    ("log_evidence", "leads"), [(None, True), (-14.0, True), (-16.0, False)]
+)
+def test_draws_that_tilt_lead_unless_the_heights_speak_against_them(
+    log_evidence, leads
+):
+    """By more than 5 in log evidence."""
+    some = make_posterior(with_alpha=False)
+    linear = replace(some, log_evidence=-10.0)
+    moved = {"theta_c": some.samples["theta_c"] + 10.0}
+    tilting = replace(some, samples=moved, log_evidence=log_evidence)
+    assert do_draws_tilt(linear, tilting, prob=0.9) is leads
 
 
 def test_a_contact_that_never_rolls_is_next_to_one_that_rolls_at_the_normal():
