@@ -76,7 +76,8 @@ def search(
     """
     if settings.normal is not None or settings.signed:
         return _without_jerks(time, signal, settings)
-    every = notches(time, signal)
+    if not (every := notches(time, signal)):
+        return _without_jerks(time, signal, settings)
     kept = _kept(time, every)
     *left, found = _without_jerks(time[kept], signal[kept], settings)
     # One outside of all pushes is a dip.

@@ -8,7 +8,7 @@ Excluded: leaving them out of a recording (`pushfit.data.peaks.components`, and
 """
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from pushfit.data.pushes.detection import FIRST_SMOOTHING
 from pushfit.data.pushes.noise import SignalNoise
@@ -29,8 +29,8 @@ def are_jerks(
     time: Float[np.ndarray, " n"], samples: Float[np.ndarray, " n"]
 ) -> Bool[np.ndarray, " n"]:
     """Whether each sample of a component, at times [s], is one of a jerk."""
-    off, least = _off(time, samples)
-    return _with_feet(time, np.abs(off) > least)
+    middle, least, own = _usual(time, samples)
+    return _with_feet(time, np.abs(samples - middle[own]) > least[own])
 
 
 def notches(
@@ -41,23 +41,27 @@ def notches(
     Args:
         time: Sample times [s].
     """
-    off, least = _off(time, samples)
-    is_low = _with_feet(time, -off > least)
+    middle, least, own = _usual(time, samples)
+    # Most recordings have none, and may be long.
+    starts = np.searchsorted(own, np.arange(len(middle)))
+    if not np.any(np.minimum.reduceat(samples, starts) < middle - least):
+        return ()
+    is_low = _with_feet(time, samples < (middle - least)[own])
     edges = np.flatnonzero(np.diff(is_low, prepend=False, append=False)).tolist()
     found = []
     for first, last in zip(edges[::2], edges[1::2], strict=True):
         if 0 < first and last < len(time):
             lowest = first + int(np.argmin(samples[first:last]))
             sides = min(samples[first - 1], samples[last])
-            if sides - samples[lowest] > least[lowest]:
+            if sides - samples[lowest] > least[own[lowest]]:
                 found.append(slice(first, last))
     return tuple(found)
 
 
-def _off(
+def _usual(
     time: Float[np.ndarray, " n"], samples: Float[np.ndarray, " n"]
-) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """How far samples are off the median around them, and by how much is far."""
+) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"], Int[np.ndarray, " n"]]:
+    """Medians around samples, how much off them is far, and the own one of each."""
     from scipy.ndimage import percentile_filter  # noqa: PLC0415
 
     n = _n_around(time)
@@ -69,8 +73,7 @@ def _off(
     least = np.maximum(
         _FAR * (high - low), _SIGMAS * SignalNoise.of(time, samples).sigma
     )
-    own = np.arange(len(samples)) // stride
-    return samples - middle[own], least[own]
+    return middle, least, np.arange(len(samples)) // stride
 
 
 def _n_around(time: Float[np.ndarray, " n"]) -> float:
