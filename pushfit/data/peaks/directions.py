@@ -106,6 +106,8 @@ def off_plan(
         extents: Pushes that the recording shows.
         plan: Their directions by the schedule.
     """
+    if recording.theta is None and recording.alpha is None:
+        return ()
     shown, most = [], 0.0
     for push, extent, *planned in zip(
         plan.push, extents, plan.theta, plan.alpha, strict=True

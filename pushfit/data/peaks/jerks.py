@@ -8,7 +8,7 @@ Excluded: leaving them out of a recording (`pushfit.data.peaks.components`, and
 """
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from pushfit.data.pushes.detection import FIRST_SMOOTHING
 from pushfit.data.pushes.noise import SignalNoise
@@ -23,13 +23,16 @@ _FAR, _SIGMAS = 4.0, 6.0
 _SHARE, _FEET = 0.25, 0.12
 # Samples that show quartiles well enough: of a normal one these are good to 0.17 sigma.
 _ENOUGH = 64
+# Steps of time, of which the median is the usual one.
+_STEPS = 1 << 16
 
 
 def are_jerks(
     time: Float[np.ndarray, " n"], samples: Float[np.ndarray, " n"]
 ) -> Bool[np.ndarray, " n"]:
     """Whether each sample of a component, at times [s], is one of a jerk."""
-    middle, least, own = _usual(time, samples)
+    middle, least, stride = _usual(time, samples)
+    own = np.arange(len(samples)) // stride
     return _with_feet(time, np.abs(samples - middle[own]) > least[own])
 
 
@@ -41,11 +44,12 @@ def notches(
     Args:
         time: Sample times [s].
     """
-    middle, least, own = _usual(time, samples)
+    middle, least, stride = _usual(time, samples)
     # Most recordings have none, and may be long.
-    starts = np.searchsorted(own, np.arange(len(middle)))
+    starts = np.arange(0, len(samples), stride)
     if not np.any(np.minimum.reduceat(samples, starts) < middle - least):
         return ()
+    own = np.arange(len(samples)) // stride
     is_low = _with_feet(time, samples < (middle - least)[own])
     edges = np.flatnonzero(np.diff(is_low, prepend=False, append=False)).tolist()
     found = []
@@ -60,8 +64,8 @@ def notches(
 
 def _usual(
     time: Float[np.ndarray, " n"], samples: Float[np.ndarray, " n"]
-) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"], Int[np.ndarray, " n"]]:
-    """Medians around samples, how much off them is far, and the own one of each."""
+) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"], int]:
+    """Medians around samples, how much off them is far, and of how many each is one."""
     from scipy.ndimage import percentile_filter  # noqa: PLC0415
 
     n = _n_around(time)
@@ -73,12 +77,14 @@ def _usual(
     least = np.maximum(
         _FAR * (high - low), _SIGMAS * SignalNoise.of(time, samples).sigma
     )
-    return middle, least, np.arange(len(samples)) // stride
+    return middle, least, stride
 
 
 def _n_around(time: Float[np.ndarray, " n"]) -> float:
     """Usual number of samples that one is looked at among."""
-    return FIRST_SMOOTHING / _SHARE / float(np.median(np.diff(time)))
+    stride = max(1, len(time) // _STEPS)
+    step = np.median(time[1::stride] - time[:-1:stride])
+    return FIRST_SMOOTHING / _SHARE / float(step)
 
 
 def _with_feet(
