@@ -18,7 +18,6 @@ Excluded: two supports, whose limits differ (`pushfit.mechanics.tilting.two_supp
 
 from collections.abc import Callable
 
-import equinox as eqx
 import jax.numpy as jnp
 
 from pushfit.mechanics.containers import (
@@ -121,25 +120,12 @@ def equilibrium(hold: Hold, sharpness: Sharpness) -> tuple[Vector, Vector]:
 
 
 def _both_forces(hold: Hold) -> tuple[Vector, Vector, Vector]:
-    """F_t without and with rolling [N], and the larger of their tilts [rad].
-
-    Both in one search, which then compiles once.
-    """
-    n = hold.into.size
-    twice = eqx.tree_at(
-        lambda h: (*h.azimuth, h.along, h.into),
-        hold,
-        replace_fn=lambda of_each_push: jnp.tile(of_each_push, 2),
-    )
-    rolls = jnp.arange(2 * n) >= n
-
-    def balance(hold: Hold, tilt: Tilt) -> Vector:
-        return jnp.where(rolls, rolling_force(hold, tilt), elastic_force(hold, tilt))
-
-    start = jnp.concatenate([_unrolled_guess(hold), _rolled_guess(hold)])
-    angle = _tilted_by(balance, twice, start)
-    force = balance(twice, tilted(twice, angle))
-    return force[:n], force[n:], jnp.maximum(angle[:n], angle[n:])
+    """F_t without and with rolling [N], and the larger of their tilts [rad]."""
+    unrolled = unrolled_tilt(hold)
+    rolled = _tilted_by(rolling_force, hold, _rolled_guess(hold))
+    elastic = elastic_force(hold, tilted(hold, unrolled))
+    limit = rolling_force(hold, tilted(hold, rolled))
+    return elastic, limit, jnp.maximum(unrolled, rolled)
 
 
 def unrolled_tilt(hold: Hold) -> Vector:
