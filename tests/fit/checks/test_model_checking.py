@@ -20,24 +20,37 @@ from pushfit.fit.results import (
     PredictiveCheck,
     Verdict,
 )
-from tests.tolerances import ROUTES
+from tests.tolerances import EXACT, MAX_Z, ROUTES
 
 SIGMA = 0.1
 MIN_P = 1e-3  # a false alarm once in 1000 seeds
 # Most of its variance that a prediction that is the same for all heights explains.
 NOTHING = 0.0
 THETA_DEG = np.repeat(np.linspace(5.0, 85.0, 17), 3)
+COMPONENTS = ("height_normal", "height_tangential")
 
 
-def criticise(predicted, observed, *, kind="given", theta_deg=THETA_DEG, **checks):
-    """Goodness of fit of a prediction, taken as a fit with three coordinates."""
+def criticise(
+    predicted,
+    observed,
+    *,
+    kind="given",
+    theta_deg=THETA_DEG,
+    alpha_deg=0.0,
+    channels=("height",),
+    **checks,
+):
+    """Goodness of fit of a prediction, taken as a fit with three coordinates.
+
+    Heights of all channels are one after the other.
+    """
+    n, n_channels = observed.size, len(channels)
     table = PeakTable.from_arrays(
         theta=np.radians(theta_deg),
-        alpha=np.zeros(theta_deg.size),
-        heights={"height": observed},
+        alpha=np.radians(np.broadcast_to(alpha_deg, theta_deg.shape)),
+        heights=dict(zip(channels, np.split(observed, n_channels), strict=True)),
         unit="n",
     )
-    n = observed.size
     residuals = (predicted - observed) / SIGMA
     fit = FitResult(
         names=("ln_A", "ln_B", "ln_C_rr"),
@@ -51,8 +64,8 @@ def criticise(predicted, observed, *, kind="given", theta_deg=THETA_DEG, **check
         n_free=3,
         sigma=np.full(n, SIGMA),
         predicted=predicted,
-        channel=("height",) * n,
-        row=tuple(range(n)),
+        channel=tuple(np.repeat(channels, n // n_channels).tolist()),
+        row=tuple(range(n // n_channels)) * n_channels,
         status=FitStatus.OK,
     )
     sd = {"height": np.full(n, SIGMA)}
@@ -61,15 +74,27 @@ def criticise(predicted, observed, *, kind="given", theta_deg=THETA_DEG, **check
 
 
 @pytest.mark.parametrize(
-    ("centre", "is_open", "found"),
-    [(40.0, False, ()), (52.0, False, ("θ_c",)), (52.0, True, ())],
-    ids=["inside", "beside", "open"],
+    ("centre", "shape", "found"),
+    [
+        (40.0, "closed", ()),
+        # Beside the set of 90 %, which ends at 43.3°.
+        (47.5, "closed", ()),
+        (52.0, "closed", ("θ_c",)),
+        (28.0, "closed", ("θ_c",)),
+        (52.0, "open", ()),
+        (52.0, "of two modes", ()),
+        (52.0, "of no fit", ()),
+    ],
 )
-def test_a_posterior_beside_the_likelihood_is_told_of(centre, is_open, found):
+def test_a_posterior_beside_the_likelihood_is_told_of(centre, shape, found):
     """Δχ² = ((θ - 40°) / 2°)² leaves 33.4° to 46.6° with 999 in 1000."""
     values = np.linspace(20.0, 60.0, 81)
     delta = ((values - 40.0) / 2.0) ** 2
-    delta[values > 40.0] *= not is_open
+    delta[values > 40.0] *= shape != "open"
+    if shape == "of two modes":
+        delta = np.minimum(delta, ((values - 55.0) / 2.0) ** 2)
+    if shape == "of no fit":
+        delta = np.full(values.size, np.nan)
     profile = LikelihoodProfile(
         name="theta_c",
         unit="deg",
@@ -117,6 +142,42 @@ def test_a_pattern_needs_eight_directions(n_directions, is_asked):
     n = 3 * n_directions
     found = criticise(curve()[:n], noisy(1, curve())[:n], theta_deg=THETA_DEG[:n])
     assert (found.pattern_p_value is not None) is is_asked
+
+
+def test_the_chance_of_a_pattern_is_that_of_another_permutation_test():
+    """Over the upper half, where azimuths meet; each direction up to five times."""
+    rng, n_directions, n_permutations = np.random.default_rng(1), 600, 4999
+    along = np.sort(rng.uniform(0.0, 1.0, n_directions))
+    azimuth_deg = rng.uniform(0.0, 360.0, n_directions)
+    counts = rng.integers(1, 6, n_directions)
+    order = rng.permutation(np.repeat(np.arange(n_directions), counts))
+    theta_deg, alpha_deg = np.degrees(np.arcsin(along))[order], azimuth_deg[order]
+    errors = rng.normal(0.0, SIGMA, order.size)
+    flat = np.full(order.size, 2.0)
+    found = criticise(flat, flat - errors, theta_deg=theta_deg, alpha_deg=alpha_deg)
+
+    across = np.sqrt(1 - along**2) * np.exp(1j * np.radians(azimuth_deg))
+    points = np.stack([across.real, across.imag, along])
+    nearest = np.argmax(points.T @ points - 2 * np.eye(n_directions), axis=1)
+    means = np.bincount(order, errors) / np.sqrt(counts)
+    expected = stats.permutation_test(
+        (means,),
+        lambda x, axis: np.sum(x * x[..., nearest], axis=axis),
+        permutation_type="pairings",
+        vectorized=True,
+        n_resamples=n_permutations,
+        alternative="greater",
+        rng=rng,
+    ).pvalue
+    error = np.sqrt(2 * expected * (1 - expected) / n_permutations)
+    assert abs(found.pattern_p_value - expected) < MAX_Z * error
+
+
+def test_a_pattern_that_no_permutation_has_is_one_of_all_that_there_are():
+    theta_deg, flat = np.linspace(5.0, 85.0, 40), np.ones(40)
+    bent = flat + np.cos(np.radians(2 * theta_deg))
+    found = criticise(flat, bent, theta_deg=theta_deg)
+    assert found.pattern_p_value == 1 / 5000
 
 
 @pytest.mark.parametrize(("share", "is_adequate"), [(0.75, False), (0.85, True)])
@@ -194,15 +255,31 @@ def test_chi_square_and_its_p_value_are_scipys():
     np.testing.assert_allclose(found.p_value, expected, rtol=ROUTES)
 
 
-def test_lack_of_fit_is_the_one_way_f_test():
+@pytest.mark.parametrize("channels", [("height",), COMPONENTS])
+def test_lack_of_fit_is_the_one_way_f_test(channels):
     """With no coordinate fitted it is SciPy's f_oneway on residuals about zero mean."""
-    observed = noisy(2, curve())
-    found = criticise(curve(), observed)
-    groups = ((observed - curve()) / SIGMA).reshape(17, 3)
-    within = np.sum((groups - groups.mean(axis=1, keepdims=True)) ** 2) / 34
-    between = 3 * np.sum(groups.mean(axis=1) ** 2) / (17 - 3)
-    expected = stats.f.sf(between / within, 14, 34)
+    predicted = np.tile(curve(), len(channels))
+    observed = noisy(2, predicted)
+    found = criticise(predicted, observed, channels=channels)
+    groups = ((observed - predicted) / SIGMA).reshape(-1, 3)
+    n = len(groups)
+    within = np.sum((groups - groups.mean(axis=1, keepdims=True)) ** 2) / (2 * n)
+    between = 3 * np.sum(groups.mean(axis=1) ** 2) / (n - 3)
+    expected = stats.f.sf(between / within, n - 3, 2 * n)
     np.testing.assert_allclose(found.lack_of_fit_p_value, expected, rtol=ROUTES)
+
+
+def test_repeats_of_as_many_directions_as_unknowns_show_no_lack_of_fit():
+    few = slice(9)
+    found = criticise(curve()[few], noisy(2, curve())[few], theta_deg=THETA_DEG[few])
+    assert found.lack_of_fit_p_value is None
+
+
+def test_means_of_components_explain_nothing_however_far_apart():
+    means = np.repeat([1.0, 5.0], THETA_DEG.size)
+    observed = means + np.tile(curve() - curve().mean(), 2)
+    found = criticise(means, observed, channels=COMPONENTS)
+    np.testing.assert_allclose(found.r_squared, 0.0, atol=EXACT)
 
 
 @pytest.mark.parametrize("kind", ["given", "sampled"])
@@ -250,7 +327,9 @@ def test_an_outlying_push_is_named():
     assert found.outliers == ("push 8 (θ = 15°, α = 0°)",)
 
 
-@pytest.mark.parametrize(("p_value", "is_adequate"), [(0.2, True), (LEVEL / 2, False)])
+@pytest.mark.parametrize(
+    ("p_value", "is_adequate"), [(2 * LEVEL, True), (LEVEL / 2, False)]
+)
 def test_data_that_simulated_heights_never_resemble_are_not_described(
     p_value, is_adequate
 ):

@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from pushfit.fit.checks.predictive import predictive_checks
+from pushfit.fit.checks.predictive import noise_at, predictive_checks
+from pushfit.fit.problem.problem import STUDENT_DOF
 from pushfit.fit.results import FitStatus
 from tests.fit.posteriors import posterior_of
-from tests.fit.tables import FRICTION_ONLY, case_table, setup_of
+from tests.fit.tables import FRICTION_ONLY, case_table, setup_of, without_sd
 from tests.problems import CASES, PUSH
+from tests.tolerances import EXACT
 
 SIGMA, PRIOR_MEAN, PRIOR_SD = 0.01, 0.24, 0.01
 THETA_DEG = np.linspace(2.0, 30.0, 22)
@@ -79,21 +81,31 @@ def simulated(rng):
     return truth * SLOPE + rng.normal(0, SIGMA, SLOPE.size)
 
 
-@pytest.mark.parametrize("excess", [0.0, 2.5])
-def test_p_values_are_those_of_the_integral_over_the_posterior(table, setup, excess):
+@pytest.mark.parametrize(
+    ("likelihood", "excess"), [("normal", 0.0), ("normal", 2.5), ("student_t", 2.5)]
+)
+def test_p_values_are_those_of_the_integral_over_the_posterior(
+    table, setup, likelihood, excess
+):
+    """Noise with tails has the standard deviation that is stated, too."""
     heights = simulated(np.random.default_rng(8))
     heights[4] += excess * SIGMA
     mean, sd = moments(heights)
     n = heights.size
+    is_normal = likelihood == "normal"
+    tails = stats.t(STUDENT_DOF, scale=1 / stats.t.std(STUDENT_DOF))
+    noise = stats.norm() if is_normal else tails
 
     def scatter(residuals):
         return stats.chi2.sf(np.sum(residuals**2), n)
 
     def largest(residuals):
-        return 1 - (1 - 2 * stats.norm.sf(np.max(np.abs(residuals)))) ** n
+        return 1 - (1 - 2 * noise.sf(np.max(np.abs(residuals)))) ** n
 
-    found = checked(table, setup, heights, 1)
-    for name, tail in (("scatter", scatter), ("largest", largest)):
+    problem = dataclasses.replace(setup.problem, likelihood=likelihood)
+    found = checked(table, dataclasses.replace(setup, problem=problem), heights, 1)
+    known = [("largest", largest), *([("scatter", scatter)] if is_normal else [])]
+    for name, tail in known:
 
         def weighted(z, tail=tail):
             residuals = (heights - SLOPE * (mean + sd * z)) / SIGMA
@@ -101,6 +113,38 @@ def test_p_values_are_those_of_the_integral_over_the_posterior(table, setup, exc
 
         expected, _ = integrate.quad(weighted, -8, 8)
         assert abs(found[name] - expected) < SHARE, name
+
+
+def test_noise_that_is_drawn_adds_in_squares_to_what_is_stated():
+    """3, 4 and 5, draw by draw; a component without draws has what is stated."""
+    table = case_table(
+        CASES["paper"],
+        noise=3 * SIGMA,
+        theta_deg=THETA_DEG,
+        repeats=1,
+        channels=("height_normal", "height_tangential"),
+    )
+    problem = setup_of(table).problem
+    draws = {"sigma_height_tangential": SIGMA * np.array([4.0, 0.0])}
+    found = noise_at(problem, draws)[..., : THETA_DEG.size] / SIGMA
+    expected = np.array([[3.0, 5.0], [3.0, 3.0]])[..., None]
+    np.testing.assert_allclose(
+        found, np.broadcast_to(expected, found.shape), rtol=EXACT
+    )
+
+
+def test_every_draw_judges_by_its_own_noise(table):
+    """Half of them have twice as much as the other half."""
+    setup = setup_of(without_sd(table), FRICTION_ONLY)
+    draws = {
+        "C_rr": np.full(N_DRAWS, PRIOR_MEAN),
+        "sigma_height_tangential": SIGMA * np.resize([1.0, 2.0], N_DRAWS),
+    }
+    scatter, *_ = predictive_checks(table, setup, posterior_of(draws), seed=0)
+    residuals = table.heights("height_tangential") - PRIOR_MEAN * SLOPE
+    squares = np.sum(residuals**2) / SIGMA**2 / np.array([1.0, 4.0])
+    expected = np.mean(stats.chi2.sf(squares, residuals.size))
+    assert abs(scatter.p_value - expected) < SHARE
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from pushfit.model import Parameters, forward
 from tests.fit.tables import FRICTION_ONLY, case_table, setup_of
 from tests.oracle.exact import exact_grid, exact_posterior
 from tests.problems import CASES, PUSH
-from tests.tolerances import EXACT
+from tests.tolerances import EXACT, ROUTES
 
 ALPHA, REACH = np.pi / 2, (0.0, np.pi)
 SIGMA, PRIOR_MEAN, PRIOR_SD = 0.01, 0.24, 0.01
@@ -85,6 +85,38 @@ def test_densities_are_those_of_linear_regression():
     assert found.n_unreliable == 0
     # One free parameter, held by its prior too.
     assert 0 < np.sum(found.p_loo) < 2
+
+
+def test_components_of_a_push_are_predicted_together():
+    """By draws that are all alike, which leave nothing to weigh."""
+    words = {"theta_deg": [10.0, 25.0], "repeats": 1}
+    noisy, clean = (
+        case_table(
+            CASES["paper"],
+            noise=noise,
+            channels=("height_normal", "height_tangential"),
+            **words,
+        )
+        for noise in (SIGMA, 0.0)
+    )
+    draws = {"C_rr": np.full(100, float(CASES["paper"].params.C_rr))}
+    problem = setup_of(noisy, FRICTION_ONLY).problem
+    found = push_densities(problem, draws, n_pushes=2)
+    expected = sum(
+        stats.norm.logpdf(noisy.heights(name), clean.heights(name), SIGMA)
+        for name in noisy.channels
+    )
+    np.testing.assert_allclose(found.elpd, expected, rtol=ROUTES)
+
+
+@pytest.mark.parametrize(("n_draws", "largest"), [(100, 0.5), (1000, 2 / 3)])
+def test_of_few_draws_a_lighter_tail_is_not_relied_on(n_draws, largest):
+    """1 - 1 / log10 S of S draws: Vehtari et al. (2024), JMLR 25 (72)."""
+    table = case_table(CASES["paper"], noise=SIGMA, theta_deg=[10.0], repeats=1)
+    problem = setup_of(table, FRICTION_ONLY).problem
+    draws = {"C_rr": np.full(n_draws, 0.24)}
+    found = push_densities(problem, draws, n_pushes=1)
+    np.testing.assert_allclose(found.max_pareto_k, largest, rtol=EXACT)
 
 
 @pytest.mark.slow

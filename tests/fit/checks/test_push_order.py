@@ -80,6 +80,15 @@ def test_pairs_of_directions_in_turn_are_not_pushed_in_a_row():
     assert not list(drift_in_repeats(table))
 
 
+def test_thrice_in_a_row_is_in_a_row_of_few_directions_too():
+    """Of five 4 % of the spread of their numbers lies within; 14 steps are between."""
+    order = np.arange(1, 16)
+    theta_deg = np.repeat(np.arange(10.0, 60.0, 10.0), 3)
+    table = pushes(theta_deg, order, 5 - 0.1 * order + 1e-3 * (order % 2))
+    (warning,) = drift_in_repeats(table)
+    assert "by -0.1 from push to push; if all pushes do, -1.4 from" in warning.text
+
+
 def test_a_table_of_which_all_is_left_out_drifts_nowhere():
     table = drifting(in_a_row=True)
     assert not list(drift_in_repeats(table.with_flag(range(table.n_pushes), "gap")))
@@ -111,6 +120,8 @@ def test_noise_of_repeats_drifts_in_one_table_of_a_hundred_at_most():
         ([10, 25, 40, 55, 70], True),
         ([70, 55, 40, 25, 10], True),
         ([10, 25, 40, 55], False),
+        # One of four, but for the rounding of radians.
+        ([10, 10 + 1e-7, 25, 40, 55], False),
         ([10, 40, 25, 70, 55], False),
     ],
 )
@@ -152,7 +163,9 @@ def test_one_direction_that_is_pushed_again_at_the_end_would_show_a_drift():
     assert follows_elevation(PeakTable.from_frame(in_order))
     again = pd.concat([frame.iloc[1:], frame.iloc[:1]])
     again = again.assign(push=np.arange(1, len(frame) + 1))
-    assert not follows_elevation(PeakTable.from_frame(again))
+    table = PeakTable.from_frame(again)
+    assert not follows_elevation(table)
+    assert follows_elevation(table.with_flag([len(frame) - 1], "gap"))
 
 
 @pytest.mark.parametrize(("share", "is_ordered"), [(0.4, True), (0.6, False)])

@@ -9,10 +9,19 @@ from pushfit.config import GraspConfig, parse_config
 from pushfit.fit.checks.tilt_check import (
     do_draws_tilt,
     does_tilt_matter,
+    implied_tilt_deg,
+    is_tilt_large,
     is_worse,
     tilt_warning,
 )
+from pushfit.fit.problem.setup import build_problem
+from pushfit.mechanics.linear import implied_tilt
+from pushfit.parameters import SIGNED, SIX
+from tests.fit.posteriors import posterior_of
+from tests.fit.tables import case_table
+from tests.problems import CASES, PUSH
 from tests.report.makers import make_answer, make_posterior
+from tests.tolerances import EXACT
 
 MEASURED = "[push]\nlength_mm = 5.0\n[parameters.L]\nfixed = 0.04\n"
 
@@ -47,6 +56,32 @@ def test_a_tilt_matters_where_it_moves_the_angle_by_a_quarter_of_its_interval(
     assert does_tilt_matter(linear, tilting, prob=0.9) is matters
 
 
+@pytest.mark.parametrize(("lowest_deg", "is_large"), [(79.0, False), (77.0, True)])
+def test_a_tilt_is_large_where_its_largest_is_a_degree(lowest_deg, is_large):
+    """Unrolled it bends the contact, C_d γ = L B S_p cos θ: 1° at 77.9°."""
+    case = CASES["paper"]
+    table = case_table(case, theta_deg=[lowest_deg, 82.0, 86.0], repeats=1)
+    setup = build_problem(table, settings(MEASURED))
+    values = {name: float(getattr(case.params, name)) for name in SIX}
+    # Medians are the truth, and means are not.
+    posterior = posterior_of({n: v * np.array([0.9, 1, 2]) for n, v in values.items()})
+    bending = values["L"] * case.B * PUSH / values["C_d"]
+    expected = np.degrees(bending * np.cos(np.radians(lowest_deg)))
+    np.testing.assert_allclose(implied_tilt_deg(setup, posterior), expected, rtol=EXACT)
+    assert is_tilt_large(setup, posterior) is is_large
+
+
+def test_a_tilt_is_that_of_an_ellipse_where_there_is_one():
+    case = CASES["ellipse"]
+    setup = build_problem(case_table(case), settings(MEASURED))
+    names = (*SIX, *SIGNED)
+    draws = {n: np.full(3, float(getattr(case.params, n))) for n in names}
+    tilt = implied_tilt(case.params, case.pushes(), case.grasp)
+    expected = np.degrees(np.max(np.asarray(tilt)))
+    found = implied_tilt_deg(setup, posterior_of(draws))
+    np.testing.assert_allclose(found, expected, rtol=EXACT)
+
+
 @pytest.mark.parametrize(
     ("log_evidence", "leads"), [(None, True), (-14.0, True), (-16.0, False)]
 )
@@ -78,6 +113,7 @@ def test_a_contact_that_never_rolls_is_next_to_one_that_rolls_at_the_normal():
         (-14.0, 0.04, False),
         (None, 0.023, True),
         (None, 0.022, False),
+        (None, 0.0, False),
     ],
 )
 def test_evidence_decides_and_where_there_is_none_the_fit(
