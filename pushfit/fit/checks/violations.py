@@ -213,9 +213,7 @@ def _steep(
 ) -> Violation | None:
     """Scatter where heights are steep in θ: angles err, if none of it counts."""
     p_value, excess = _scatter_follows(free, slope**2)
-    if excess <= 0:
-        return None
-    size = np.degrees(np.sqrt(excess))
+    size = np.degrees(np.sqrt(max(excess, 0.0)))
     if size > LARGEST_DEG:
         return None
     return Violation(
@@ -236,11 +234,9 @@ def _tall(
     free: Float[np.ndarray, " n"],
     predicted: Float[np.ndarray, " n"],
     is_counted: bool,
-) -> Violation | None:
+) -> Violation:
     """Scatter where heights are tall: noise in proportion to them, if none counts."""
-    p_value, excess = _scatter_follows(free, predicted**2)
-    if excess <= 0:
-        return None
+    p_value, _ = _scatter_follows(free, predicted**2)
     return Violation(
         code=PROPORTIONAL,
         p_value=p_value,

@@ -1,16 +1,20 @@
 """Residuals name the assumption that they speak against, and none that holds."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy
 
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.checks.violations import (
     LEVEL,
     Violation,
+    _constant,
     _heavy_tailed,
+    _is_rounding,
     _soft,
     _steep,
     _tall,
@@ -147,6 +151,11 @@ def test_what_is_part_of_the_model_is_no_violation_of_it(shifted):
     shared = {"shared": {"height": np.zeros((1, shifted.table.n_pushes))}}
     left = told(shifted, noise=shared)
     assert everything - left == {"looks_like_offsets", "looks_like_a_constant"}
+    # A coordinate that is a constant of the heights.
+    jacobian = shifted.fit.jacobian.copy()
+    jacobian[:, 0] = 1 / shifted.fit.sigma
+    seen = {"jacobian": jacobian}
+    assert everything - told(shifted, fit=seen) == {"looks_like_a_constant"}
 
 
 def test_noise_of_several_sizes_is_not_called_heavy_tailed_too():
@@ -168,6 +177,40 @@ def test_a_transition_is_soft_by_residuals_of_one_sign_alone():
     assert np.isnan(_soft(free, basis, basis @ np.ones(3)).p_value)
     few = slice(4)
     assert np.isnan(_soft(free[few], basis[few], change[few]).p_value)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_constant_of_either_sign_has_the_chance_of_a_t_test(sign):
+    free = sign * np.random.default_rng(0).normal(0.3, 1.0, 30)
+    constant = _constant(free, np.zeros((30, 0)), np.ones(30), "height_n")
+    expected = scipy.stats.ttest_1samp(free, 0.0)
+    np.testing.assert_allclose(constant.p_value, expected.pvalue, rtol=EXACT)
+    assert f"those of {np.mean(free):+.2g} in all of height_n" in constant.text
+
+
+def test_residuals_without_tails_are_not_heavy_tailed():
+    light = _heavy_tailed(np.linspace(-1.0, 1.0, 200))
+    assert light is not None
+    assert light.p_value > 1 - LEVEL
+
+
+def test_scatter_that_falls_where_heights_are_steep_is_no_error_of_angles():
+    """And where they are tall no noise in proportion."""
+    free = np.random.default_rng(0).standard_normal(200) * np.linspace(1.0, 0.1, 200)
+    size = np.linspace(0.0, 100.0, 200)
+    steep = _steep(free, size)
+    assert steep is not None
+    assert steep.p_value > 1 - LEVEL
+    assert _tall(free, size, False).p_value > 1 - LEVEL
+
+
+@pytest.mark.parametrize(("noise", "is_rounding"), [(0.0, True), (0.3, False)])
+def test_noise_of_the_size_of_rounding_is_more_than_rounding(noise, is_rounding):
+    """Errors of rounding alone have an rms of 1 / √12 of a step; both have 0.42."""
+    rng, step = np.random.default_rng(0), 0.01
+    true = rng.uniform(1.0, 2.0, 400)
+    heights = (true + noise * step * rng.standard_normal(400)).round(2)
+    assert _is_rounding(heights, heights - true) is is_rounding
 
 
 def test_fewer_than_twenty_residuals_show_no_tails():
@@ -217,7 +260,6 @@ def test_a_rejected_model_asks_less_of_an_explanation():
 @pytest.mark.parametrize("is_counted", [False, True])
 def test_nobody_is_told_to_set_what_is_set(is_counted):
     tall = _tall(np.linspace(0.0, 4.0, 40), np.linspace(0.0, 4.0, 40), is_counted)
-    assert tall is not None
     assert ("set [noise] height_share" in tall.text) is not is_counted
     slope = np.linspace(0.0, 100.0, 200)
     rng = np.random.default_rng(0)
@@ -252,6 +294,20 @@ def components(share: float, seed: int) -> PeakTable:
     return PeakTable.from_arrays(
         theta=theta, alpha=np.full(theta.size, np.pi / 2), heights=heights, unit="n"
     )
+
+
+def test_a_constant_is_that_of_the_component_that_has_it():
+    """To a tenth: by 102 heights with a hundredth of the tallest as noise."""
+    table = components(0.0, 0)
+    column = "height_tangential_n"
+    constant = 0.1 * float(table.frame[column].max())
+    frame = table.frame.assign(**{column: table.frame[column] + constant})
+    one = fit_table(PeakTable.from_frame(frame), config(CONSTANT))
+    found = violations(one.table, one.setup, one.fit, one.slopes)
+    first = next(v for v in found if v.code == "looks_like_a_constant")
+    size, of = re.search(r"those of (\S+) in all of (\S+),", first.text).groups()
+    assert of == column
+    assert float(size) == pytest.approx(constant, rel=0.1)
 
 
 @pytest.mark.slow
