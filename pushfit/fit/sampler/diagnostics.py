@@ -82,13 +82,12 @@ def disagreement(trace: Float[np.ndarray, "t e w"], autocorr_time: float) -> flo
     """Chance that ensemble means differ this much if the chain is what it seems.
 
     Returns:
-        p-value of Σ (m_e - m)² / (variance / ESS per ensemble) against chi-square.
+        p-value of Σ (m_e - m)² / (variance / ESS per ensemble) against chi-square; NaN
+        where the time is.
     """
     n_steps, n_ensembles, n_walkers = trace.shape
     means = trace.mean(axis=(0, 2))
     error = trace.var() * autocorr_time / (n_steps * n_walkers)
-    if not error > 0:
-        return float("nan")
     excess = np.sum((means - means.mean()) ** 2) / error
     return float(chdtrc(n_ensembles - 1, excess))
 

@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from pushfit.fit.sampler.diagnostics import (
     MAX_RHAT,
     acceptance_fraction,
     autocorr_time,
     diagnose,
+    disagreement,
     ess,
     nested_rhat,
 )
@@ -22,6 +24,8 @@ SHIFTED_RHAT = 1.3
 ESS_TOL = 0.25
 # Ranks of a normal mixture are normal again to a few per cent of R-hat - 1.
 RANKS_TOL = 0.15
+# Chi-square for F of 64 000 draws per ensemble.
+MANY_DRAWS = 1e-3
 
 
 def autoregressive(n_steps, *, phi=PHI, seed=0, n_ensembles=N_ENSEMBLES):
@@ -133,6 +137,33 @@ def test_a_flat_chain_has_no_sample_size():
     result = verdict(chain)
     assert np.isnan(result.autocorr_time["x"])
     assert result.problems
+
+
+def test_a_quantity_that_never_varies_is_named_whatever_others_do(good):
+    problems = diagnose(good[..., None], {"x": good, "y": np.ones(good.shape)}).problems
+    for words in ("time of y is not finite", "R-hat of y", "about the mean of y"):
+        assert any(words in one for one in problems)
+
+
+def test_a_density_that_takes_every_proposal_is_flat_where_it_should_not_be():
+    assert any(
+        "accept a share" in one for one in verdict(autoregressive(4000)).problems
+    )
+
+
+def test_ensembles_that_differ_by_a_fifth_of_their_width_fail(good):
+    """sqrt(1 + 4 / 3 of 0.2²) is 1.026."""
+    apart = good + 0.2 * np.array([-1.0, 1.0, 1.0, -1.0])[:, None]
+    assert any("R-hat" in one for one in verdict(apart).problems)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_ensembles_of_independent_draws_disagree_as_an_analysis_of_variance_says(seed):
+    chain = autoregressive(2000, phi=0.0, seed=seed)
+    expected = stats.f_oneway(*np.moveaxis(chain, 1, 0).reshape(N_ENSEMBLES, -1))
+    np.testing.assert_allclose(
+        disagreement(chain, 1.0), expected.pvalue, rtol=MANY_DRAWS
+    )
 
 
 def test_nested_rhat_is_its_definition():
