@@ -35,6 +35,8 @@ PROB = 0.9
 N_GRID, HALF_WIDTH = 41, 6.0
 # Points along all spreads that there may be, for items taken as normal.
 N_SPREADS = 400
+# Step of the mean, in standard deviations of it, that does not tell where it is.
+COARSE = 0.6
 # Probability at the edge of the grid, above which it is too narrow.
 MAX_EDGE = 1e-3
 # Share of the error of the mean below which no data tell a spread from zero.
@@ -141,15 +143,20 @@ class _Grid:
         low, high = ln_s[kept[0]], ln_s[kept[-1]]
         half_width = HALF_WIDTH
         for _ in range(MAX_ROUNDS):
+            ln_spread = np.linspace(low, high, N_GRID)
+            simple = _normal_items(items, ln_spread, scale)
             grid = cls._within(
                 items,
-                np.linspace(low, high, N_GRID),
-                half_width=half_width,
+                ln_spread,
+                middle=simple.mean,
+                half_width=half_width * simple.sd,
                 scale=scale,
-            )
+            )._finer(items, scale)
             if grid.edge < MAX_EDGE:
                 break
-            half_width *= 2
+            # More means are of no use where spreads are missing.
+            if np.sum(grid.weights[[0, -1]]) > np.sum(grid.weights[:, [0, -1]]):
+                half_width *= 2
             low = max(low - (high - low) / 4, ln_s[0])
             high = min(high + (high - low) / 4, ln_s[-1])
         return grid
@@ -160,20 +167,44 @@ class _Grid:
         items: Likelihoods,
         ln_spread: Float[np.ndarray, " s"],
         *,
-        half_width: float,
+        middle: Float[np.ndarray, " s"],
+        half_width: Float[np.ndarray, " s"],
         scale: float,
     ) -> "_Grid":
-        """Posterior on given spreads, and means within so many standard deviations."""
-        simple = _normal_items(items, ln_spread, scale)
-        t = np.linspace(-half_width, half_width, N_GRID)
-        mean = simple.mean + simple.sd * t[:, None]
+        """Posterior on given spreads, and means within a distance of a middle."""
+        mean = middle + half_width * np.linspace(-1.0, 1.0, N_GRID)[:, None]
         log_density = items.at(mean, ln_spread) + _log_prior(ln_spread, scale)
         return cls(
             mean=mean,
-            step=simple.sd * (t[1] - t[0]),
+            step=2 * half_width / (N_GRID - 1),
             ln_spread=ln_spread,
-            weights=normalised(log_density + np.log(simple.sd)),
+            weights=normalised(log_density + np.log(half_width)),
         )
+
+    def _finer(self, items: Likelihoods, scale: float) -> "_Grid":
+        """The same with finer steps of the mean where it is known better than these.
+
+        As where most of an item is in one mode: taken as normal it is as wide as all.
+        """
+        grid = self
+        for _ in range(MAX_ROUNDS):
+            mass = np.sum(grid.weights, axis=0)
+            parts = grid.weights / np.where(mass > 0, mass, 1.0)
+            middle = np.sum(parts * grid.mean, axis=0)
+            sd = np.sqrt(np.sum(parts * (grid.mean - middle) ** 2, axis=0))
+            is_coarse = (mass > EMPTY) & (grid.step > COARSE * sd)
+            if not np.any(is_coarse):
+                break
+            half_width = (N_GRID - 1) / 2 * grid.step
+            finer = np.maximum(HALF_WIDTH * sd, 2 * grid.step)
+            grid = grid._within(
+                items,
+                grid.ln_spread,
+                middle=np.where(is_coarse, middle, grid.mean[N_GRID // 2]),
+                half_width=np.where(is_coarse, finer, half_width),
+                scale=scale,
+            )
+        return grid
 
     @property
     def edge(self) -> float:

@@ -12,6 +12,7 @@ from pushfit.fit.population.item_likelihoods import (
     likelihoods,
 )
 from pushfit.fit.population.pooling import _Grid, _tails, pool
+from pushfit.parameters import TINY
 from tests.tolerances import EXACT, ROUTES
 
 # The same sums in another order, and roots found in them.
@@ -165,6 +166,25 @@ def test_the_likelihood_of_an_item_has_its_modes():
     ratio = np.exp(log_likelihood - log_likelihood[0]) / (expected / expected[0])
     np.testing.assert_allclose(ratio[[1, 3, 4]], 1.0, rtol=SHARE)
     assert ratio[2] * expected[2] < SHARE * expected[0]
+
+
+@pytest.mark.parametrize("centres", [np.zeros(8), np.array([0.0, 0.1, -0.1, 0.2])])
+def test_items_of_two_modes_have_the_mean_that_they_agree_on(centres):
+    """A tenth of what each is as a whole, and the grid is laid out by that."""
+    found = pool([of_two_modes(centre) for centre in centres], scale=SCALE)
+    assert found is not None
+    width = np.hypot(SPREAD, 0.1)
+    log_density = -(SPREAD**2) / (2 * SCALE**2) + 0 * MEAN
+    for centre in centres:
+        density = 0.8 * stats.norm.pdf(MEAN, centre, width)
+        density += 0.2 * stats.norm.pdf(MEAN, centre + 3.0, width)
+        log_density += np.log(np.maximum(density, TINY))
+    mass = np.sum(np.exp(log_density - np.max(log_density)), axis=1)
+    mass /= np.sum(mass)
+    low, high = np.interp([0.05, 0.95], np.cumsum(mass) - mass / 2, MEAN[:, 0])
+    np.testing.assert_allclose(
+        found.mean_interval, [low, high], rtol=0, atol=2 * SHARE * (high - low)
+    )
 
 
 def test_items_are_independent_however_many_there_are():
