@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import scipy
 
-from pushfit.fit.assess.verdicts import angle_quantity
+from pushfit.fit.assess.verdicts import angle_quantity, quantities
+from pushfit.fit.problem.setup import build_problem
 from pushfit.fit.profiles.profile_sets import verdict_of
 from pushfit.fit.results import (
     LikelihoodProfile,
@@ -13,6 +14,9 @@ from pushfit.fit.results import (
     Verdict,
 )
 from tests.fit.posteriors import posterior_of
+from tests.fit.tables import case_table, config
+from tests.problems import CASES
+from tests.tolerances import EXACT
 
 SHARES = (np.arange(2000) + 0.5) / 2000
 # A posterior of 40° ± 2°, and a prior that has every angle.
@@ -93,3 +97,58 @@ def test_an_end_that_the_likelihood_leaves_open_is_open(is_lower):
     found = judged(NARROW, ((None, 44.0),) if is_lower else OPEN)
     assert found.verdict is Verdict.ONE_SIDED
     assert found.sets == (((None, high),) if is_lower else ((low, None),))
+
+
+@pytest.mark.parametrize(
+    ("share", "of_parameter", "of_combination"),
+    [
+        (0.85, Verdict.LEARNED, Verdict.DETERMINED),
+        (0.75, Verdict.PARTLY, Verdict.WIDE),
+        (0.25, Verdict.PARTLY, Verdict.WIDE),
+        (0.15, Verdict.ASSUMED, Verdict.NOT_DETERMINED),
+    ],
+)
+def test_parameters_are_learned_by_the_variance_of_their_logs(
+    share, of_parameter, of_combination
+):
+    """Less by four fifths is learned, by less than one fifth assumed."""
+    setup = build_problem(case_table(CASES["paper"]), config())
+    log_draws = scipy.stats.norm.ppf(SHARES)
+    names = ("K_sn", "C_rr", "A")
+    before = dict.fromkeys(names, np.exp(log_draws))
+    draws = dict.fromkeys(names, np.exp(np.sqrt(1 - share) * log_draws))
+    parameters, combinations = quantities(
+        setup, posterior_of(draws, before), {}, prob=0.9, unit="n", with_sets=False
+    )
+    for found in (*parameters, *combinations):
+        np.testing.assert_allclose(found.contraction, share, rtol=EXACT)
+    assert {one.verdict for one in parameters} == {of_parameter}
+    assert {one.verdict for one in combinations} == {of_combination}
+
+
+@pytest.mark.parametrize(
+    ("piece", "verdict"),
+    [((0.9, 1.1), Verdict.LEARNED), ((0.9, None), Verdict.PARTLY)],
+)
+def test_a_parameter_with_an_end_that_no_height_bounds_is_learned_in_part(
+    piece, verdict
+):
+    setup = build_problem(case_table(CASES["paper"]), config())
+    log_draws = scipy.stats.norm.ppf(SHARES)
+    posterior = posterior_of(
+        {"K_sn": np.exp(0.1 * log_draws)}, {"K_sn": np.exp(log_draws)}
+    )
+    profile = LikelihoodProfile(
+        name="K_sn",
+        unit="N/m",
+        values=np.zeros(0),
+        delta_chi_square=np.zeros(0),
+        pieces=(piece,),
+        prob=0.9,
+        verdict=verdict_of((piece,)),
+        degrees_of_freedom=np.inf,
+    )
+    ((found,), _) = quantities(
+        setup, posterior, {"K_sn": profile}, prob=0.9, unit="n", with_sets=False
+    )
+    assert found.verdict is verdict
