@@ -48,9 +48,10 @@ _STEEP, _NEGLIGIBLE = 8, 0.01
 # this power, which makes it one of the highest. Both move heights of `trial2`, whose
 # tops are bumpy.
 _NARROWER, _SHARP = 0.6, 16
-# A longer stretch without samples may hide the top: share of the window, of the width
-# where it is at the top itself, and usual steps. Twice the first or the last takes the
-# flag from two of four pushes with gaps of `short_dropouts`; half changes none.
+# A longer stretch without samples may hide the top: share of the window, and of the
+# width; of the width where it is at the top itself; and usual steps. Twice the first or
+# the last takes the flag from two of four pushes with gaps of `short_dropouts`; half
+# changes none. Elsewhere in a push of `peg_poke` one moves the height by up to 24 sd.
 _MAX_GAP, _TOP_GAP = 0.25, 0.05
 _STEPS_OF_GAP = 3.0
 # Eight parts scatter more than this by chance once in 10^3 (chi-square, 7 degrees).
@@ -178,9 +179,11 @@ def measure_heights(
     moved = np.maximum(rate * np.abs(tops.time - base.time), step)
     # A hump whose top is beside it is the end of one that is not seen.
     is_beside = (tops.time < windows[:, 0]) | (tops.time > windows[:, 1])
+    width = np.array([e.width for e in extents])
+    is_blind = _largest_gap(time, windows) > _longest(_MAX_GAP * width, course.step)
     checks = {
         "clipped": np.array([e.is_cut for e in extents]) | (is_beside & ~missing),
-        "gap": tops.has_gap,
+        "gap": tops.has_gap | (is_blind & ~missing),
         "saturated": is_cut & ~missing,
         "missing": missing,
         "drift": ~missing & (moved > _MAX_DRIFT * np.abs(rise)),
@@ -307,7 +310,7 @@ def _apexes(pushes: _Pushes) -> _Tops:
         level[todo] += weight * top
         square[todo] += weight * (own_sd**2 + top**2)
         when[todo] += weight * (middle + half * fit.position)
-        least = np.maximum(2 * _MAX_GAP * half, _STEPS_OF_GAP * pushes.course.step)
+        least = _longest(2 * _MAX_GAP * half, pushes.course.step)
         gap[todo] += weight * (_largest_gap(time, windows[todo]) > least)
         doubt[todo] = left
         # Around the highest parts, without a jump where two of them are alike.
@@ -321,7 +324,7 @@ def _apexes(pushes: _Pushes) -> _Tops:
     sd = np.sqrt(np.maximum(square - level**2, 0.0))
     # Straight lines across a top are below it.
     after = np.clip(np.searchsorted(time, when), 1, len(time) - 1)
-    least = np.maximum(_TOP_GAP * width, _STEPS_OF_GAP * pushes.course.step)
+    least = _longest(_TOP_GAP * width, pushes.course.step)
     has_gap = (gap > _MOST) | (time[after] - time[after - 1] > least)
     return _Tops(level + pushes.base, sd, when, has_gap)
 
@@ -351,6 +354,11 @@ def _share(
 ) -> Float[np.ndarray, " p"]:
     """Where lines from one part to the next pass 0; at their begin if they do not."""
     return np.where(low < 0, -low / np.maximum(high - low, TINY), 0.0)
+
+
+def _longest(allowed: Float[np.ndarray, " p"], step: float) -> Float[np.ndarray, " p"]:
+    """Times without a sample that are no gaps: these, or a few usual steps [s]."""
+    return np.maximum(allowed, _STEPS_OF_GAP * step)
 
 
 def _largest_gap(

@@ -25,7 +25,7 @@ CHANNELS = ("height", "height_normal", "height_tangential")
 FLAGS = {
     "saturated": "the sensor was at its limit, the height is a lower bound",
     "clipped": "the recording starts or ends inside the push",
-    "gap": "samples are missing at the top of the push",
+    "gap": "samples are missing at the top or for a quarter of the push",
     "drift": "the baseline moved by more than 15 % of the height",
     "missing": "no hump at the planned moment, the height is what is there",
     "lost_contact": "the push lifted the finger off",

@@ -27,6 +27,18 @@ def test_lost_samples_at_a_top_are_a_gap_where_they_are_more_than_a_blink(lost, 
     assert measured(time, y)["flags"].tolist() == [flags]
 
 
+@pytest.mark.parametrize(("lost", "flags"), [(0.15, ""), (0.35, "gap")])
+def test_lost_samples_of_a_flank_are_a_gap_where_they_are_a_quarter_of_the_push(
+    lost, flags
+):
+    """What the push did there nobody knows: it may have overshot and settled."""
+    time = np.arange(0.0, 8.0, 0.0025)
+    time = time[np.abs(time - 3.4) >= lost / 2]
+    y = 10 * np.clip(1 - np.abs(time - 4.0), 0, None)
+    y += np.random.default_rng(3).normal(0, 0.02, time.size)
+    assert measured(time, y)["flags"].tolist() == [flags]
+
+
 def test_a_hold_that_is_released_slowly_to_a_lower_level_is_read_at_its_upper_one():
     """The release lasts longer than the hold; what it ends at is left at once."""
     starts = 3.0 + 7.0 * np.arange(3)[:, None]
