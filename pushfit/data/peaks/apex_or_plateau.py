@@ -31,6 +31,10 @@ _MAX_SCATTER = 0.06
 # The upper level is sought among parts above this share of the height: above 0.9, two
 # holds of `force_N`, which overshoots, are taken for tops.
 _HIGH = 0.8
+# A push settles to no less than this share of its top: of a level near half of it next
+# to nothing decides whether it is above. In coarse counts a push of `trial2` was read
+# half as high; `peg_poke` settles to 0.6.
+_SETTLED = 0.55
 # Share of a held part that is left out at either end: its way in and out. Half or twice
 # moves most heights of `force_N`, by up to 1.6 and 2.3 sd.
 MARGIN = 0.15
@@ -179,7 +183,8 @@ def _is_low(course: Float[np.ndarray, " m"], part: tuple[int, int]) -> bool:
     By its later half: where it begins, of a level that is still relaxed to, is decided
     by noise.
     """
-    return bool(np.median(course[sum(part) // 2 : part[1]]) < 1 - 2 * _BAND)
+    level = float(np.median(course[sum(part) // 2 : part[1]]))
+    return _SETTLED < level < 1 - 2 * _BAND
 
 
 def _is_steady(course: Float[np.ndarray, " m"]) -> bool:

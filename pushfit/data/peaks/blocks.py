@@ -24,6 +24,9 @@ N_PARTS = 8
 # A variance from fewer is off by a quarter and more. With two, 9 of 12 heights of
 # `p2_Pa` move, by up to 0.9 sd; with eight few rests suffice.
 _FEWEST_BLOCKS = 4
+# Where there is no noise, steps of single counts are judged to be one of 0.59 counts
+# (`SignalNoise`). With 0.5 a height of `trial2` is 4.7 sd off in coarser counts.
+_COUNTS = 0.6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +47,7 @@ class RestNoise:
         """Standard deviations of means of so many samples beside each push [unit]."""
         variance = self.correlation * self.sigma**2 / np.maximum(n_samples, 1.0)
         # It is not averaged out where noise does not reach a count.
-        is_fine = self.sigma < self.quantum / 2
+        is_fine = self.sigma < _COUNTS * self.quantum
         return np.sqrt(variance + np.where(is_fine, self.quantum**2 / 12, 0.0))
 
     def of_part(self, n_samples: Real[np.ndarray, "*m p"]) -> Float[np.ndarray, "*m p"]:

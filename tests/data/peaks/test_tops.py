@@ -48,3 +48,24 @@ def test_a_hold_that_is_released_slowly_to_a_lower_level_is_read_at_its_upper_on
     y = np.interp(time, when, level)
     y += 0.5 * np.random.default_rng(3).standard_normal(time.size)
     np.testing.assert_allclose(measured(time, y)["height_n"], 99.5, atol=LEVEL)
+
+
+def test_a_push_over_a_shoulder_of_half_its_height_is_no_hold_of_that():
+    """Whether the shoulder is above half decides how wide the push is."""
+    when = [0, 3.0, 4.0, 5.0, 7.0, 7.2, 10.0]
+    time = np.arange(0.0, 10.0, 0.01)
+    for shoulder in (49.0, 51.0, 53.0):
+        y = np.interp(time, when, [0, 0, 100.0, shoulder, shoulder, 0, 0])
+        y += 0.5 * np.random.default_rng(3).standard_normal(time.size)
+        assert measured(time, y)["definition"].tolist() == ["apex"]
+
+
+def test_counts_coarser_than_the_noise_are_not_averaged_out_of_short_rests():
+    """Whose readings are all equal, though most are off by nearly half a count."""
+    count, starts = 8.0, 1.0 + 2.35 * np.arange(8)
+    time = np.arange(0.0, starts[-1] + 4.0, 0.01)
+    y = 100.0 * np.clip(1 - np.abs(time[:, None] - starts - 1), 0, None).sum(axis=1)
+    y += 0.45 * count + 0.3 * np.random.default_rng(3).standard_normal(time.size)
+    frame = measured(time, count * np.round(y / count))
+    assert len(frame) == len(starts)
+    assert frame["height_sd_n"].min() >= count / 12**0.5
