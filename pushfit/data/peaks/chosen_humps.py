@@ -215,7 +215,8 @@ def find(
     if not signed:
         # A return from a dip to rest would look like a hump.
         filled, dips = without_dips(time, signal, noise=noise, extents_of=deep_enough)
-        extents = [_beside(dips, hump) for hump in extents_of(filled)]
+        humps = extents_of(filled)
+        extents = [_beside(dips, hump, humps) for hump in humps]
     else:
         dips = ()
         extents = [
@@ -289,8 +290,10 @@ def _as_told(
     )
 
 
-def _beside(dips: Sequence[Extent], hump: Extent) -> Extent:
+def _beside(dips: Sequence[Extent], hump: Extent, humps: Sequence[Extent]) -> Extent:
     """Call a hump a brush if it is but the shoulder of a deeper dip, or far smaller.
+
+    Far smaller humps are no pushes where dips are as many as larger ones.
 
     Dips that are briefer than any push, and far briefer than the hump, are jerks, which
     have no shoulders.
@@ -298,7 +301,9 @@ def _beside(dips: Sequence[Extent], hump: Extent) -> Extent:
     long = min(FIRST_SMOOTHING, hump.width / BRIEFER)
     dips = [dip for dip in dips if dip.width >= long]
     usual = float(np.median([dip.height for dip in dips])) if dips else 0.0
-    is_minor = hump.height < _MINOR * usual or any(
+    n_larger = sum(own.height >= _MINOR * usual for own in humps)
+    is_minor = hump.height < _MINOR * usual and len(dips) >= n_larger
+    is_minor |= any(
         hump.height < dip.height
         and dip.t_start - hump.width < hump.t_end
         and dip.t_end + hump.width > hump.t_start

@@ -191,6 +191,12 @@ def test_first_samples_that_are_off_make_no_push_of_a_small_rise_at_the_end(end)
     assert [top for top in tops(time, y) if top > 1] == [3, 6]
 
 
+def test_a_single_deep_dip_costs_no_low_push_far_from_it():
+    pushes = (*push(2.0), *push(5.0, height=20.0), *push(8.0))
+    dip = ((11.0, 0), (11.1, -300.0), (11.2, -300.0), (11.3, 0))
+    assert tops(*course((0, 0), *pushes, *dip, (14.0, 0))) == [3, 6, 9]
+
+
 def test_a_push_on_a_grip_is_found_if_the_next_one_is_cut_as_it_begins():
     grip = 300.0
     corners = ((0, 0), (2, 0), (2.2, grip), *push(6.0, rest=grip, height=130.0))
