@@ -38,6 +38,9 @@ DEFAULTS = PeakSettings()
 # Share of the usual dip below which a hump is what noise makes of a filled signal. Of
 # the largest, a press of `p0_Pa` is lost where the recording ends at some moments.
 _MINOR = 0.1
+# The shoulder of a dip begins within so many times its width. With 4 a first push of
+# the soft skin is lost after a dip; with half, a wander of `p0_Pa` is a push.
+_SHOULDER = 3.0
 # A hump that is briefer than this may be a jerk: twice what no push is [s]. Not tuned.
 _BRIEF = 2 * FIRST_SMOOTHING
 # What rings is lower than this share of its push. Not tuned.
@@ -293,22 +296,20 @@ def _as_told(
 def _beside(dips: Sequence[Extent], hump: Extent, humps: Sequence[Extent]) -> Extent:
     """Call a hump a brush if it is but the shoulder of a deeper dip, or far smaller.
 
-    Far smaller humps are no pushes where dips are as many as larger ones.
-
-    Dips that are briefer than any push, and far briefer than the hump, are jerks, which
-    have no shoulders.
+    Far smaller humps are no pushes where dips are as many as larger ones. Dips that are
+    briefer than any push, and far briefer than the hump, are jerks without shoulders.
     """
     long = min(FIRST_SMOOTHING, hump.width / BRIEFER)
     dips = [dip for dip in dips if dip.width >= long]
     usual = float(np.median([dip.height for dip in dips])) if dips else 0.0
-    n_larger = sum(own.height >= _MINOR * usual for own in humps)
-    is_minor = hump.height < _MINOR * usual and len(dips) >= n_larger
-    is_minor |= any(
-        hump.height < dip.height
-        and dip.t_start - hump.width < hump.t_end
-        and dip.t_end + hump.width > hump.t_start
-        for dip in dips
+    least = _MINOR * usual
+    is_minor = hump.height < least and len(dips) >= sum(
+        e.height >= least for e in humps
     )
+    for dip in dips:
+        reach = min(hump.width, _SHOULDER * dip.width)
+        is_near = dip.t_start - reach < hump.t_end and hump.t_start < dip.t_end + reach
+        is_minor |= is_near and hump.height < dip.height
     return replace(hump, is_brush=True) if is_minor else hump
 
 

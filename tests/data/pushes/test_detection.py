@@ -197,6 +197,12 @@ def test_a_single_deep_dip_costs_no_low_push_far_from_it():
     assert tops(*course((0, 0), *pushes, *dip, (14.0, 0))) == [3, 6, 9]
 
 
+def test_a_dip_well_before_a_first_push_that_is_lower_makes_no_shoulder_of_it():
+    dip = ((2.0, 0), (2.1, -200.0), (2.2, -200.0), (2.3, 0))
+    pushes = (*push(4.5, width=5.0), *push(12.0, height=300.0))
+    assert tops(*course((0, 0), *dip, *pushes, (16.0, 0))) == [7, 13]
+
+
 def test_a_push_on_a_grip_is_found_if_the_next_one_is_cut_as_it_begins():
     grip = 300.0
     corners = ((0, 0), (2, 0), (2.2, grip), *push(6.0, rest=grip, height=130.0))
