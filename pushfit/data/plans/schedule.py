@@ -16,7 +16,7 @@ from pushfit.atomic import atomic_path
 from pushfit.data.recordings.recognise import RecordingColumns
 from pushfit.data.rows import rows_of
 from pushfit.data.tables.columns import COMMON, Known, Origin, read_columns, read_rows
-from pushfit.data.tables.rules import CHANNELS, check_columns, rules_of_times
+from pushfit.data.tables.rules import CHANNELS, check_columns
 from pushfit.data.text.faults import refuse
 from pushfit.data.text.files import Source
 from pushfit.data.units import in_degrees
@@ -179,7 +179,7 @@ class PushSchedule:
         """
         origin = origin or Origin()
         columns = read_columns(frame, KNOWN, origin)
-        check_columns(columns, rules_of_times(), origin)
+        check_columns(columns, origin)
         rows = columns.frame
         return cls(
             theta=np.radians(rows["theta_deg"].to_numpy(dtype=float)),

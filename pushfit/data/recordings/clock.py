@@ -3,11 +3,14 @@
 Excluded: the samples at these times (`pushfit.data.recordings.samples`).
 """
 
-import numpy as np
-from jaxtyping import Float
+from collections.abc import Callable
+from dataclasses import dataclass, field
 
-from pushfit.data.recordings.findings import MAX_LISTED, Findings
-from pushfit.errors import stated
+import numpy as np
+from jaxtyping import Float, Int
+
+from pushfit.data.text.faults import MAX_LISTED, problem
+from pushfit.errors import InputProblem, stated
 
 # Tactile sensors sample at 10 Hz to 10 kHz: a step a hundred times shorter, or ten
 # thousand times longer, is in another unit; one three, or ten, may be, if of many.
@@ -23,6 +26,44 @@ _LONG_STEP = 10.0
 # Steps that are looked at at once, half a megabyte; and as many that show the usual
 # one.
 _SOME_STEPS = 1 << 16
+
+
+Lines = Callable[[Int[np.ndarray, " m"]], Int[np.ndarray, " m"]]
+
+
+@dataclass(slots=True, kw_only=True)
+class Findings:
+    """Problems, notes and cautions about one recording, before any of it is raised.
+
+    Args:
+        path: File as the user named it.
+        lines: Gives the line in the file of each sample, counted from 0.
+        problems: What it is refused for.
+        notes: What is told of it.
+        cautions: Of that, what the user should not overlook.
+    """
+
+    path: str
+    lines: Lines | None
+    problems: list[InputProblem] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    cautions: list[str] = field(default_factory=list)
+
+    def add(self, code: str, text: str, *, at: int | None = None, **cell: str) -> None:
+        """Note a problem, perhaps at one sample."""
+        line = None
+        if at is not None and self.lines:
+            line = int(self.lines(np.array([at]))[0])
+        self.problems.append(problem(code, text, path=self.path, line=line, **cell))
+
+    def places(self, at: Int[np.ndarray, " m"]) -> str:
+        """Name the first of several samples."""
+        first, word = at[:MAX_LISTED], "samples"
+        numbers = first + 1
+        if self.lines:
+            numbers, word = self.lines(first), "lines"
+        more = ", …" if at.size > MAX_LISTED else ""
+        return f"{word} {', '.join(map(str, numbers))}{more}"
 
 
 def check_clock(time: Float[np.ndarray, " n"], unit: str, findings: Findings) -> None:

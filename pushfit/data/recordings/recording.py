@@ -22,15 +22,15 @@ from pushfit.data.recordings.bags.bag import read_bag
 from pushfit.data.recordings.records import Recording
 from pushfit.data.recordings.roles import ColumnRoles, Role, assign_roles
 from pushfit.data.recordings.samples import Samples, build_recording
-from pushfit.data.text.csv_reader import MAX_BYTES, Cells, read_cells, row_problems
+from pushfit.data.text.csv_reader import MAX_BYTES, read_cells, row_problems
 from pushfit.data.text.dialects import Layout, find_layout
 from pushfit.data.text.explain import Kind
-from pushfit.data.text.faults import data_error
+from pushfit.data.text.faults import data_error, listed
 from pushfit.data.text.files import Source, existing_file, is_bag, sha256_of
 from pushfit.data.text.foreign import ForeignTable, foreign_table
 from pushfit.data.text.ros_logs import NUMBER
 from pushfit.data.text.textfile import TextFile, open_text
-from pushfit.data.units import UNITS, Calibration, Unit
+from pushfit.data.units import UNITS, Calibration
 from pushfit.errors import DataError
 
 _NOTHING: Mapping[str, str] = MappingProxyType({})
@@ -95,25 +95,23 @@ def read_recording(
         DataError: If the file breaks a rule; `.problems` lists all that were found.
     """
     given = existing_file(path)
+    stated = {"mapping": mapping, "units": units}
     if format == "bag" or (format == "auto" and is_bag(given)):
         samples = read_bag(
             given,
-            mapping=mapping,
-            units=units,
+            **stated,
             definitions=definitions,
             is_salvage=tail == "salvage",
             max_bytes=max_bytes,
         )
         samples = _without(samples, missing)
     elif foreign := foreign_table(given, columns=columns):
-        samples = _foreign_samples(
-            given, foreign, mapping=mapping, units=units, rate=rate
-        )
+        samples = _foreign_samples(given, foreign, rate=rate, **stated)
         samples = _without(samples, missing)
     else:
         text = open_text(given, encoding=encoding)
         layout = find_layout(text, format=format, columns=columns)
-        roles = _roles(text, layout, mapping=mapping, units=units, tail=tail, rate=rate)
+        roles = _roles(text, layout, tail=tail, rate=rate, **stated)
         cells = read_cells(
             text,
             layout,
@@ -122,7 +120,16 @@ def read_recording(
             missing=missing,
             max_bytes=max_bytes,
         )
-        samples = _samples(text, layout, roles, cells, rate=rate or layout.rate)
+        source = Source(path=given, sha256=text.sha256, dialect=layout.description)
+        samples = _samples(
+            layout, roles, cells.values, rate=rate or layout.rate, source=source
+        )
+        samples = replace(
+            samples,
+            is_union=layout.writer == "plotjuggler",
+            lines=cells.scan.lines,
+            notes=(*samples.notes, *cells.notes),
+        )
     recording = build_recording(
         samples, theta_from=theta_from, gaps=gaps, trust_units=trust_units
     )
@@ -140,16 +147,11 @@ def _without(samples: Samples, missing: Sequence[str]) -> Samples:
     sentinels = [float(text) for text in missing if re.fullmatch(NUMBER, text.strip())]
     if not sentinels:
         return samples
-    series = {**samples.channels, **samples.angles}
-    known = {
+    series = {
         name: (np.where(np.isin(values, sentinels), np.nan, values), unit)
-        for name, (values, unit) in series.items()
+        for name, (values, unit) in samples.series.items()
     }
-    return replace(
-        samples,
-        channels={name: known[name] for name in samples.channels},
-        angles={name: known[name] for name in samples.angles},
-    )
+    return replace(samples, series=series)
 
 
 def _foreign_samples(
@@ -169,29 +171,20 @@ def _foreign_samples(
         unit_row=tuple(table.units.get(name, "") for name in table.columns),
     )
     roles = assign_roles(layout, mapping=mapping, units=units, path=path, rate=rate)
-    needed = [
-        layout.names[i]
+    problems = [
+        problem
         for role in (*roles.clocks, *roles.channels, *roles.angles)
         for i in role.columns
+        for problem in table.problems.get(layout.names[i], ())
     ]
-    problems = [p for name in needed for p in table.problems.get(name, ())]
     if problems:
         raise data_error(problems)
-    series, lines = list(table.columns.values()), table.lines
-    n = len(series[0])
-    clock = roles.clocks[0] if roles.clocks else None
-    time = np.arange(n) / (rate or 1.0) if clock is None else series[clock.columns[0]]
-    return Samples(
-        path=path,
-        time=time,
-        time_unit=UNITS["s"] if clock is None else clock.unit,
-        channels={r.name: (series[r.columns[0]], r.unit) for r in roles.channels},
-        angles={r.name: (series[r.columns[0]], r.unit) for r in roles.angles},
+    source = Source(path=path, sha256=sha256_of(path), dialect=table.dialect)
+    columns, lines = dict(enumerate(table.columns.values())), table.lines
+    return replace(
+        _samples(layout, roles, columns, rate=rate, source=source),
         lines=None if lines is None else lambda at: lines[at],
-        sources=(Source(path=path, sha256=sha256_of(path), dialect=table.dialect),),
-        notes=(f"recognised {table.dialect}", *roles.notes),
         cautions=(*table.cautions, *roles.cautions),
-        ignored=roles.ignored,
     )
 
 
@@ -228,54 +221,52 @@ def _kinds(layout: Layout, roles: ColumnRoles) -> dict[int, Kind]:
 
 
 def _samples(
-    text: TextFile,
     layout: Layout,
     roles: ColumnRoles,
-    cells: Cells,
+    columns: Mapping[int, Shaped[np.ndarray, " n"]],
     *,
     rate: float | None,
+    source: Source,
 ) -> Samples:
-    """Sort parsed columns by their roles."""
+    """Sort columns by their roles.
 
-    def series(role: Role) -> tuple[Shaped[np.ndarray, " n"], Unit]:
-        return cells.values[role.columns[0]], role.unit
-
+    Args:
+        columns: Those that are needed, by their position.
+    """
     if roles.clocks:
-        clock, time = _first_filled_clock(roles, cells)
+        clock, time = _first_filled_clock(roles, columns)
         unit = clock.unit
         origin = " and ".join(layout.names[i] for i in clock.columns)
     else:
-        time, unit = np.arange(cells.scan.n_rows) / (rate or 1.0), UNITS["s"]
+        n_rows = len(next(iter(columns.values())))
+        time, unit = np.arange(n_rows) / (rate or 1.0), UNITS["s"]
         origin = f"the rate of {rate:g} samples a second"
-    source = Source(path=text.path, sha256=text.sha256, dialect=layout.description)
+    notes = [f"recognised {source.dialect}; time from {origin}", *layout.notes]
+    if roles.ignored:
+        notes.append(f"ignored columns without a role: {listed(roles.ignored)}")
     return Samples(
-        path=text.path,
+        path=source.path,
         time=time,
         time_unit=unit,
-        channels={role.name: series(role) for role in roles.channels},
-        angles={role.name: series(role) for role in roles.angles},
-        is_union=layout.writer == "plotjuggler",
-        lines=cells.scan.lines,
+        series={
+            role.name: (columns[role.columns[0]], role.unit)
+            for role in (*roles.channels, *roles.angles)
+        },
         sources=(source,),
-        notes=(
-            f"recognised {layout.description}; time from {origin}",
-            *layout.notes,
-            *roles.notes,
-            *cells.notes,
-        ),
+        notes=tuple(notes),
         cautions=roles.cautions,
         ignored=roles.ignored,
     )
 
 
 def _first_filled_clock(
-    roles: ColumnRoles, cells: Cells
+    roles: ColumnRoles, columns: Mapping[int, Shaped[np.ndarray, " n"]]
 ) -> tuple[Role, Num[np.ndarray, " n"]]:
     """Choose the first clock whose stamps were filled in."""
     for clock in roles.clocks:
-        time = cells.values[clock.columns[0]]
+        time = columns[clock.columns[0]]
         if len(clock.columns) == 2:
-            time = time * 1_000_000_000 + cells.values[clock.columns[1]]
+            time = time * 1_000_000_000 + columns[clock.columns[1]]
         if time.any():
             return clock, time
     return clock, time

@@ -77,15 +77,6 @@ class ColumnRoles:
     ignored: tuple[str, ...]
     cautions: tuple[str, ...]
 
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What was ignored, for the user."""
-        return (
-            (f"ignored columns without a role: {listed(self.ignored)}",)
-            if self.ignored
-            else ()
-        )
-
 
 class _Columns(RecordingColumns):
     """The columns of one recording, what they are mapped to, and what is wrong."""

@@ -1,7 +1,8 @@
 """From columns of samples to a recording: clock, gaps, plausibility.
 
 The rules that any recording keeps, whether it came as text or as a bag. All problems
-of one recording are found before any is raised. Excluded: which column is which
+of one recording are found before any is raised, also numbers that stand for samples
+which a sensor did not give. Excluded: which column is which
 (`pushfit.data.recordings.roles`) and what is wrong with a clock
 (`pushfit.data.recordings.clock`).
 """
@@ -12,10 +13,9 @@ import numpy as np
 from jaxtyping import Float, Shaped
 
 from pushfit.config.inputs import Gaps, ThetaFrom
-from pushfit.data.recordings.clock import check_clock
-from pushfit.data.recordings.findings import Findings, Lines
+from pushfit.data.recordings.clock import Findings, Lines, check_clock
+from pushfit.data.recordings.recognise import ANGLES
 from pushfit.data.recordings.records import Recording
-from pushfit.data.recordings.sentinels import NO_READING, sentinel_of
 from pushfit.data.text.faults import data_error
 from pushfit.data.text.files import Source
 from pushfit.data.units import UNITS, Unit, implausible_angles, implausible_signal
@@ -25,6 +25,15 @@ from pushfit.errors import stated
 _MAX_FILLED_STEPS = 5.0
 # Angles are recorded with few decimals, so a right angle may be passed by rounding.
 _ANGLE_SLACK = np.deg2rad(0.01)
+# What is larger is no reading of any unit, but what stands for one.
+_NO_READING = 1e20
+# From 999 on, nines and the ends of whole numbers are codes where all other samples are
+# further off than they lie apart; a number of no form, given twice or more, where they
+# are so many times as far off: a push is up to some hundred times as high as its noise.
+_ENDS = frozenset({2.0**15, 2.0**16 - 1, 2.0**15 - 1, 2.0**31, 2.0**31 - 1})
+_NINES, _FAR = frozenset(10.0**k - 1 for k in range(3, 11)), 1000.0
+# Fewer samples do not show how far apart they lie; so many are looked at before all.
+_FEWEST, _SOME = 8, 1 << 14
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,8 +44,8 @@ class Samples:
         path: File as the user named it.
         time: Sample times, in `time_unit`; whole numbers if that is nanoseconds.
         time_unit: Unit of the times.
-        channels: Samples and unit by channel; NaN where missing.
-        angles: Samples and unit of `theta` and `alpha`, as far as recorded.
+        series: Samples and unit by channel, and of `theta` and `alpha` as far as
+            recorded, in this order; NaN where missing.
         is_union: Whether the rows are those of several topics, so that a channel has
             no sample in the rows of another.
         lines: Gives the line in the file of each row, counted from 0.
@@ -49,14 +58,18 @@ class Samples:
     path: str
     time: Shaped[np.ndarray, " n"]
     time_unit: Unit
-    channels: dict[str, tuple[Float[np.ndarray, " n"], Unit]]
-    angles: dict[str, tuple[Float[np.ndarray, " n"], Unit]]
+    series: dict[str, tuple[Float[np.ndarray, " n"], Unit]]
     is_union: bool = False
     lines: Lines | None = None
     sources: tuple[Source, ...] = ()
     notes: tuple[str, ...] = ()
     cautions: tuple[str, ...] = ()
     ignored: tuple[str, ...] = ()
+
+    @property
+    def channels(self) -> dict[str, tuple[Float[np.ndarray, " n"], Unit]]:
+        """Those of the series that are no angles."""
+        return {k: own for k, own in self.series.items() if k not in ANGLES}
 
 
 def build_recording(
@@ -93,7 +106,7 @@ def build_recording(
         raise data_error(findings.problems)
     series = {
         name: unit.to_canonical(values)
-        for name, (values, unit) in (samples.channels | samples.angles).items()
+        for name, (values, unit) in samples.series.items()
     }
     if "theta" in series and theta_from == "normal":
         series["theta"] = np.pi / 2 - series["theta"]
@@ -137,7 +150,7 @@ def _check_values(
 ) -> None:
     """Find sentinels, and samples that cannot be in their unit."""
     for name, (values, unit) in samples.channels.items():
-        code = sentinel_of(values)
+        code = _sentinel_of(values)
         if code is not None:
             rows = np.flatnonzero(values == code)
             found = f"{code:g}" if float(f"{code:g}") == code else repr(code)
@@ -145,7 +158,7 @@ def _check_values(
                 f"{rows.size} samples of {found} ({findings.places(rows)}), far from "
                 "all others, stand for missing ones"
             )
-            may_be = abs(code) <= NO_READING
+            may_be = abs(code) <= _NO_READING
             if may_be and trust_units:
                 findings.notes.append(f"{name}: {text}; taken as readings as told")
                 continue
@@ -169,11 +182,48 @@ def _check_values(
             findings.add("implausible_unit", clause, column=name)
         if values.size > 1 and np.all(values == values[0]):
             findings.notes.append(f"{name} does not vary: always {values[0]:g}")
-    clause = implausible_angles(samples.angles)
+    angles = {k: own for k, own in samples.series.items() if k in ANGLES}
+    clause = implausible_angles(angles)
     if clause and trust_units:
         findings.notes.append(f"{clause}; taken as told")
     elif clause:
         findings.add("implausible_unit", clause)
+
+
+def _sentinel_of(values: Float[np.ndarray, " n"]) -> float | None:
+    """Find the number that stands for missing samples of one channel.
+
+    Args:
+        values: Samples in the unit of the file, NaN where missing.
+
+    Returns:
+        The number farthest from 0 if it is beyond any unit, or the least or largest if
+        it is far from all others and has the form of a code, or comes twice; None where
+        neither is so.
+    """
+    ends = float(np.fmin.reduce(values)), float(np.fmax.reduce(values))
+    # Few first: a copy of every channel would cost more than reading it.
+    some = values[:: 1 + len(values) // _SOME]
+    for end in sorted(ends, key=abs, reverse=True):
+        if abs(end) > _NO_READING:
+            return end
+        has_form = abs(end) in _NINES | _ENDS
+        far = 1.0 if has_form else _FAR
+        if _keeps_off(end, some, ends, far) and _keeps_off(end, values, ends, far):
+            if has_form or np.count_nonzero(values == end) > 1:
+                return end
+    return None
+
+
+def _keeps_off(
+    end: float, values: Float[np.ndarray, " n"], ends: tuple[float, float], far: float
+) -> bool:
+    """Whether an end of samples is so many times as far off as those between reach."""
+    others = values[(values > ends[0]) & (values < ends[1])]
+    if others.size < _FEWEST or abs(end) < min(_NINES):
+        return False
+    span = float(np.ptp(others))
+    return 0 < far * span < float(np.abs(others - end).min())
 
 
 def _check_elevation(
@@ -201,7 +251,7 @@ def _check_elevation(
 def _without_empty_rows(samples: Samples) -> Samples:
     """Drop the rows of other topics, in which nothing that was asked for is sampled."""
     is_sampled = np.zeros(samples.time.size, dtype=bool)
-    for values, _ in (*samples.channels.values(), *samples.angles.values()):
+    for values, _ in samples.series.values():
         is_sampled |= ~np.isnan(values)
     rows = np.flatnonzero(is_sampled)
     if rows.size in (0, is_sampled.size):
@@ -212,8 +262,7 @@ def _without_empty_rows(samples: Samples) -> Samples:
     return replace(
         samples,
         time=samples.time[rows],
-        channels={k: (v[rows], unit) for k, (v, unit) in samples.channels.items()},
-        angles={k: (v[rows], unit) for k, (v, unit) in samples.angles.items()},
+        series={k: (v[rows], unit) for k, (v, unit) in samples.series.items()},
         lines=None if lines is None else lambda at: lines(rows[at]),
         notes=(*samples.notes, note),
     )

@@ -5,9 +5,6 @@ columns are recognised and breaches reported
 (`pushfit.data.tables.columns`), and judging heights against a model.
 """
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pandas as pd
 
@@ -16,9 +13,6 @@ from pushfit.data.tables.columns import COMMON, Columns, Known, Origin, read_col
 from pushfit.data.text.faults import data_error, listed
 from pushfit.data.units import UNITS, implausible_angles
 from pushfit.errors import DataError, InputProblem
-
-if TYPE_CHECKING:
-    from pandera.pandas import Check
 
 CHANNELS = ("height", "height_normal", "height_tangential")
 
@@ -37,13 +31,8 @@ FLAGS = {
 # What a height may be, see `pushfit.data.peaks.heights`.
 DEFINITIONS = ("apex", "plateau")
 
-# Heights under these flags are not what the model predicts; the others are opinions.
-EXCLUDING_FLAGS = frozenset(
-    {
-        *("saturated", "clipped", "gap", "drift", "missing", "lost_contact"),
-        *("averaged", "moved"),
-    }
-)
+# Heights under these flags are not what the model predicts; the other is an opinion.
+EXCLUDING_FLAGS = frozenset(FLAGS) - {"outlier"}
 
 # Other columns that tables of peak heights may have.
 SIGNALS = (*(name for c in CHANNELS for name in (c, f"{c}_sd")), "baseline")
@@ -88,12 +77,9 @@ def canonical_frame(
         )
     if "flags" not in frame:
         frame["flags"] = ""
-    check_columns(columns, _rules(unit), origin)
+    check_columns(columns, origin)
     names = [
-        "push",
-        "theta_deg",
-        "alpha_deg",
-        "repeat",
+        *("push", "theta_deg", "alpha_deg", "repeat"),
         *(f"{name}_{unit}" for name in SIGNALS),
         *(f"{name}_s" for name in TIMES),
         *TEXTS,
@@ -124,76 +110,45 @@ def _refuse_several_grasps(raw: pd.DataFrame, columns: Columns, origin: Origin) 
         f"names {len(rows)} grasps, each with parameters of its own: "
         f"{listed([*rows.values()])}; {cure}"
     )
+    column, value = str(names.name), ", ".join(rows)
     raise data_error(
-        [
-            origin.problem(
-                "several_grasps", text, column=str(names.name), value=", ".join(rows)
-            )
-        ]
+        [origin.problem("several_grasps", text, column=column, value=value)]
     )
 
 
-def _rules(unit: str) -> dict[str, list]:
-    """Checks of the columns that only peak tables have."""
-    import pandera.pandas as pa  # noqa: PLC0415 - slow to load, needed only to check
-
-    finite = pa.Check(np.isfinite, error="finite")
-    positive = pa.Check.gt(0, error="sd")
-    rules = {f"{channel}_{unit}": [finite] for channel in CHANNELS}
-    rules |= {f"{channel}_sd_{unit}": [positive, finite] for channel in CHANNELS}
-    rules["definition"] = [pa.Check.isin([*DEFINITIONS, ""], error="definition")]
-    rules["flags"] = [pa.Check(_are_flags, element_wise=True, error="flags")]
-    return rules
-
-
-def rules_of_times() -> dict[str, list["Check"]]:
-    """Checks of the times of a schedule, which order its pushes."""
-    import pandera.pandas as pa  # noqa: PLC0415 - slow to load, needed only to check
-
-    finite = pa.Check(np.isfinite, error="finite")
-    return {"time_s": [finite, pa.Check(_are_apart, error="time")]}
-
-
-def _are_apart(times: pd.Series) -> pd.Series:
-    """Which times no other row has."""
-    return ~times.duplicated(keep=False)
-
-
-def _are_flags(text: str) -> bool:
-    """Whether a cell holds known flag words only."""
-    return all(word in FLAGS for word in text.split(";") if word)
-
-
-def check_columns(
-    columns: Columns, rules: Mapping[str, list["Check"]], origin: Origin
-) -> None:
-    """Check every cell, and the angles together.
-
-    Args:
-        rules: Checks by column, each with an `error` that is a key of the reasons
-            here; columns without an entry may hold empty cells.
+def check_columns(columns: Columns, origin: Origin) -> None:
+    """Check every cell of a peak table or a plan, and the angles together.
 
     Raises:
         DataError: Cells break their rules; all are in `problems`.
     """
     import pandera.pandas as pa  # noqa: PLC0415 - slow to load, needed only to check
 
-    common = {
-        "push": [pa.Check.ge(1, error="count")],
-        "repeat": [pa.Check.ge(1, error="count")],
+    count = pa.Check.ge(1, error="count")
+    finite, positive = pa.Check(np.isfinite, error="finite"), pa.Check.gt(0, error="sd")
+    # By column, each with a key of the reasons below; others may hold empty cells.
+    checks = {
+        "push": [count],
+        "repeat": [count],
         "theta_deg": [pa.Check.in_range(-90, 90, error="theta")],
         "alpha_deg": [pa.Check.in_range(-360, 360, error="alpha")],
+        # Only plans have times, which order their pushes.
+        "time_s": [finite, pa.Check(lambda t: ~t.duplicated(keep=False), error="time")],
+        "definition": [pa.Check.isin([*DEFINITIONS, ""], error="definition")],
+        "flags": [pa.Check(_are_flags, element_wise=True, error="flags")],
     }
-    checks = {**common, **rules}
+    for channel in CHANNELS:
+        checks[f"{channel}_{columns.unit}"] = [finite]
+        checks[f"{channel}_sd_{columns.unit}"] = [positive, finite]
     schema = pa.DataFrameSchema(
         {
-            str(name): pa.Column(
+            name: pa.Column(
                 None,
-                checks.get(str(name), []),
+                checks.get(name, []),
                 nullable=name not in checks,
                 unique=name == "push",
             )
-            for name in columns.frame.columns
+            for name in map(str, columns.frame.columns)
         }
     )
     try:
@@ -211,6 +166,11 @@ def check_columns(
         raise data_error(
             [origin.problem("implausible_angles", implausible, column=given, value="")]
         )
+
+
+def _are_flags(text: str) -> bool:
+    """Whether a cell holds known flag words only."""
+    return all(word in FLAGS for word in text.split(";") if word)
 
 
 # Tables have units in their headers alone.

@@ -31,17 +31,9 @@ from pushfit.errors import DataError, InputProblem
 MAX_BYTES = 1 << 30
 # The parser holds all fields of a chunk, also those that are not needed.
 _CHUNK_CELLS = 1 << 18
-# Types that pandas parses to, and that the result keeps.
-_PARSED = {
-    "float": np.float64,
-    "int": np.int64,
-    "text": str,
-    **dict.fromkeys(STAMPS, str),
-}
-_STORED = {
-    **{"float": np.float64, "int": np.int64, "text": object},
-    **dict.fromkeys(STAMPS, np.int64),
-}
+# Types that pandas parses to, else text, and that the result keeps, else int64.
+_PARSED = {"float": np.float64, "int": np.int64}
+_STORED = {"float": np.float64, "text": object}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,7 +119,9 @@ def _parse(
     n_rows: int,
 ) -> dict[int, Shaped[np.ndarray, " n"]] | None:
     """Parse the rows by pandas; None if a cell is not what it must be."""
-    columns = {i: np.empty(n_rows, _STORED[kind]) for i, kind in kinds.items()}
+    columns = {
+        i: np.empty(n_rows, _STORED.get(kind, np.int64)) for i, kind in kinds.items()
+    }
     words: set[int] = set()
     done = 0
     try:
@@ -163,7 +157,8 @@ def _chunks(
     body: Body, kinds: Mapping[int, Kind], missing: tuple[str, ...]
 ) -> Iterator[pd.DataFrame]:
     """Parse the rows, without their header, some at a time."""
-    layout, blocks = body.layout, body.text.blocks(body.start, body.end)
+    layout = body.layout
+    blocks = body.text.blocks(layout.data_start, body.end)
     tokens = [*MISSING, *missing]
     with pd.read_csv(
         cast(IO[bytes], BlockReader(blocks)),
@@ -173,7 +168,7 @@ def _chunks(
         names=list(range(layout.n_fields)),
         index_col=False,
         usecols=sorted(kinds),
-        dtype={i: _PARSED[kind] for i, kind in kinds.items()},
+        dtype={i: _PARSED.get(kind, str) for i, kind in kinds.items()},
         na_values={i: tokens for i, kind in kinds.items() if kind == "float"},
         keep_default_na=False,
         skipinitialspace=body.has_padding,

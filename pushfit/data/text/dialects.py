@@ -5,12 +5,12 @@ The layout is judged from the first lines only (`pushfit.data.text.layout_guess`
 columns mean for a recording (`pushfit.data.recordings.roles`).
 """
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pushfit.config.inputs import Format
-from pushfit.data.text.ddf import read_preamble
 from pushfit.data.text.faults import data_error, problem, refuse
 from pushfit.data.text.layout_guess import (
     DELIMITERS,
@@ -34,6 +34,10 @@ _DESCRIBED = {
     "ros2csv": "ros2 topic echo --csv",
     "ddf": "Aurora indenter log",
 }
+# An Aurora indenter log (`.ddf`): its first line, and what its preamble says of rate
+# and units. Of outputs nothing is measured.
+_LOG, _RATE, _IN_VOLTS = "DMCv", "Sample Frequency (Hz)", "Test Data in Volts"
+_OUTPUT = "AO"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,11 +128,11 @@ def find_layout(
     if doubled:
         raise data_error(doubled)
     preamble = lines[: guess.header or 0]
-    log = read_preamble(preamble, names) if not columns else None
-    unit_row = log.units if log else _unit_row(lines, guess)
+    is_log = bool(preamble) and preamble[0].startswith(_LOG)
+    unit_row = _log_units(preamble, names) if is_log else _unit_row(lines, guess)
     writer = _writer(names, format, has_columns=bool(columns), path=text.path)
     return Layout(
-        writer="ddf" if log else writer,
+        writer="ddf" if is_log else writer,
         delimiter=guess.delimiter,
         decimal=guess.decimal,
         names=names,
@@ -138,8 +142,8 @@ def find_layout(
         header_line=None if guess.header is None else guess.header + 1,
         data_line=guess.data + 1,
         data_start=sum(len(line) + 1 for line in head.split(b"\n")[: guess.data]),
-        notes=(*notes, *_layout_notes(lines, guess, () if log else unit_row)),
-        rate=log.rate if log else None,
+        notes=(*notes, *_layout_notes(lines, guess, () if is_log else unit_row)),
+        rate=_log_rate(preamble) if is_log else None,
     )
 
 
@@ -163,6 +167,36 @@ def _unit_row(lines: list[str], guess: Guess) -> tuple[str, ...]:
     if not between:
         return ()
     return tuple(c.strip("()[] ") for c in split_line(between[0], guess.delimiter))
+
+
+def _log_units(preamble: list[str], names: tuple[str, ...]) -> tuple[str, ...]:
+    """Unit of each column of an indenter log, as `500 mN/V`; empty without one.
+
+    The program writes volts, and above them the unit and the scale of each channel.
+    """
+    in_volts = any(line.startswith(_IN_VOLTS) for line in preamble)
+    rows = {
+        cells[0].partition(" (")[0].strip(): [cell.strip() for cell in cells[1:]]
+        for line in preamble
+        if len(cells := line.split("\t")) > 2
+    }
+    channels, units, scales = (rows.get(n, []) for n in ("Channel", "Units", "Scale"))
+    said = {
+        channel: f"{scale} {unit}/V" if in_volts else unit
+        for channel, unit, scale in zip(channels, units, scales, strict=False)
+        if unit and not channel.startswith(_OUTPUT)
+    }
+    return tuple(said.get(name, "") for name in names)
+
+
+def _log_rate(preamble: list[str]) -> float | None:
+    """Samples per second of an indenter log; None without a positive number [Hz]."""
+    said = [line.partition(":")[2] for line in preamble if line.startswith(_RATE)]
+    try:
+        rate = float(said[0]) if said else math.nan
+    except ValueError:
+        return None
+    return rate if 0 < rate < math.inf else None
 
 
 def _layout_notes(

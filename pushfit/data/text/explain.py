@@ -15,15 +15,13 @@ from typing import Literal
 import numpy as np
 
 from pushfit.data.text.dialects import Layout
-from pushfit.data.text.faults import problem
+from pushfit.data.text.faults import MAX_LISTED, problem
 from pushfit.data.text.layout_guess import NUMBER, STAMPS, Stamp, split_line
 from pushfit.data.text.scan import Body, Scan, whole_lines
 from pushfit.errors import InputProblem
 
 Kind = Stamp | Literal["float", "int", "text"]
 
-# Problems listed per kind; the rest are counted.
-_MAX_LISTED = 10
 # Texts that stand for a missing number.
 MISSING = ("", "nan", "NaN", "NAN")
 _WHOLE = re.compile(r"[+-]?\d+", re.ASCII)
@@ -121,7 +119,7 @@ class _RowCheck:
     def add(self, code: str, line: int, text: str, **cell: str) -> None:
         """Note a problem, unless enough of its kind are listed."""
         self.counts[code] += 1
-        if self.counts[code] <= _MAX_LISTED:
+        if self.counts[code] <= MAX_LISTED:
             self.problems.append(problem(code, text, path=self.path, line=line, **cell))
 
     def row(self, line: int, row: list[str]) -> None:
@@ -190,8 +188,8 @@ class _RowCheck:
         """Give the problems in file order, then how many more there are."""
         found = sorted(self.problems, key=lambda p: p.line or 0)
         for code, count in self.counts.items():
-            if count > _MAX_LISTED:
-                more = f"{count - _MAX_LISTED} more of {count} problems {code!r}"
+            if count > MAX_LISTED:
+                more = f"{count - MAX_LISTED} more of {count} problems {code!r}"
                 found.append(problem(code, f"{more} are not listed", path=self.path))
         return found
 

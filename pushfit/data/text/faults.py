@@ -16,6 +16,8 @@ STATE_COLUMNS = (
 # Names at least this alike are one name misspelt: `heigth` and `height` are 0.83
 # alike, `height_left` and `height` 0.71, `truth.toml` and `strval.toml` 0.67.
 ALIKE = 0.8
+# Faults of one kind that are listed; the others are counted.
+MAX_LISTED = 10
 
 
 def problem(

@@ -154,11 +154,22 @@ def existing_files(paths: Iterable[str | Path]) -> None:
         raise ConfigError(message, code=problems[0].code, problems=tuple(problems))
 
 
-def refuse_other_names(path: str) -> None:
-    """Refuse a file whose name tells that it is a log of a program's own.
+def is_bag(path: str) -> bool:
+    """Tell whether a file, or a ROS 2 bag folder, is a bag by its first bytes."""
+    if Path(path).is_dir():
+        return (Path(path) / "metadata.yaml").is_file()
+    with open(path, "rb") as file:
+        return file.read(16).startswith(_BAG_MAGIC)
+
+
+def refuse_other_types(start: bytes, path: str) -> None:
+    """Refuse what its name or its first bytes show to be no table of text.
+
+    Args:
+        start: First bytes, decompressed.
 
     Raises:
-        DataError: If it is one (`not_csv`).
+        DataError: If it is something else (`not_csv`).
     """
     if Path(path).suffix.lower() == ".btd":
         raise refuse(
@@ -169,25 +180,6 @@ def refuse_other_names(path: str) -> None:
             "time",
             path=path,
         )
-
-
-def is_bag(path: str) -> bool:
-    """Tell whether a file, or a ROS 2 bag folder, is a bag by its first bytes."""
-    if Path(path).is_dir():
-        return (Path(path) / "metadata.yaml").is_file()
-    with open(path, "rb") as file:
-        return file.read(16).startswith(_BAG_MAGIC)
-
-
-def refuse_other_types(start: bytes, path: str) -> None:
-    """Refuse what its first bytes show to be no table of text.
-
-    Args:
-        start: First bytes, decompressed.
-
-    Raises:
-        DataError: If it is something else (`not_csv`).
-    """
     for magic, what, remedy in _MAGIC:
         if start.startswith(magic):
             raise refuse("not_csv", f"is {what}; {remedy}", path=path)

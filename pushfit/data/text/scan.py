@@ -30,7 +30,6 @@ class Body:
     Args:
         text: The file.
         layout: How its rows are laid out.
-        start: Byte where the first row begins.
         end: Byte where the last accepted row ends.
         has_quotes: Whether fields may be quoted.
         has_padding: Whether fields may begin with blanks.
@@ -39,7 +38,6 @@ class Body:
 
     text: TextFile
     layout: Layout
-    start: int
     end: int
     has_quotes: bool
     has_padding: bool
@@ -77,11 +75,11 @@ def find_body(text: TextFile, layout: Layout, tail: Tail) -> Body:
         DataError: If there are zero bytes (`nul_bytes`), the end is damaged
             (`no_final_newline`), or there is no line end at all (`no_line_ends`).
     """
-    start = position = last_end = layout.data_start
+    position = last_end = layout.data_start
     has_quotes = has_padding = False
     padding = (layout.delimiter.encode() + b" ", b"\n ")
     notes: list[str] = []
-    for block in text.blocks(start):
+    for block in text.blocks(position):
         zero = block.find(b"\0")
         if zero >= 0:
             _refuse_nul(text, position + zero, tail)
@@ -112,7 +110,6 @@ def find_body(text: TextFile, layout: Layout, tail: Tail) -> Body:
     return Body(
         text=text,
         layout=layout,
-        start=start,
         end=end,
         has_quotes=has_quotes,
         has_padding=has_padding,
@@ -176,7 +173,7 @@ def fast_scan(body: Body) -> Scan | None:
 def whole_lines(body: Body) -> Iterator[bytes]:
     """Give the rows in blocks that end with a line end."""
     rest = b""
-    for block in body.text.blocks(body.start, body.end):
+    for block in body.text.blocks(body.layout.data_start, body.end):
         # The line across two blocks by itself, so that blocks are not copied twice.
         first, cut = block.find(b"\n") + 1, block.rfind(b"\n") + 1
         if not cut:

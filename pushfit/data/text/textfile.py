@@ -17,12 +17,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from pushfit.data.text.faults import refuse
-from pushfit.data.text.files import (
-    FileStamp,
-    existing_file,
-    refuse_other_names,
-    refuse_other_types,
-)
+from pushfit.data.text.files import FileStamp, existing_file, refuse_other_types
 from pushfit.errors import ConfigError, stated
 
 # Bytes that are read at once: files may be larger than the memory.
@@ -191,7 +186,6 @@ def open_text(path: str | Path, *, encoding: str | None = None) -> TextFile:
             f"{given}: is a folder; name the files in it", code="is_a_folder"
         )
     stamp = FileStamp.of(given)
-    refuse_other_names(given)
     with open(given, "rb") as file:
         start = file.read(4096)
         file.seek(0)
@@ -199,6 +193,7 @@ def open_text(path: str | Path, *, encoding: str | None = None) -> TextFile:
         if is_gzip:
             with _gzip_errors(given):
                 start = gzip.GzipFile(fileobj=file).read(4096)
+    refuse_other_types(start, given)
     if not start:
         raise refuse(
             "empty_file",
@@ -208,7 +203,6 @@ def open_text(path: str | Path, *, encoding: str | None = None) -> TextFile:
     found = (
         _checked_encoding(encoding, given) if encoding else _encoding_of(start, given)
     )
-    refuse_other_types(start, given)
     digest, is_clean = hashlib.sha256(), found == "utf-8" and not is_gzip
     with open(given, "rb") as file:
         while raw := file.read(_DIGESTED):

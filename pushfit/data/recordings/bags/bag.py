@@ -106,13 +106,12 @@ def read_bag(
         "ROS 1 bag" if files[0].suffix == ".bag" else f"ROS 2 bag ({files[0].suffix})"
     )
     dialect = f"{kind}: {', '.join(f'{t} ({types[t]})' for t in sorted(types))}"
-    pairs = {f.name: (series[f.name], f.unit) for f in fields}
+    fields = sorted(fields, key=lambda own: own.name in ANGLES)
     return Samples(
         path=path,
         time=time,
         time_unit=UNITS["ns"],
-        channels={name: pair for name, pair in pairs.items() if name not in ANGLES},
-        angles={name: pair for name, pair in pairs.items() if name in ANGLES},
+        series={f.name: (series[f.name], f.unit) for f in fields},
         is_union=len(types) > 1,
         sources=tuple(
             Source(path=str(file), sha256=sha256_of(file), dialect=dialect)
