@@ -8,14 +8,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.explore.belief.predict import least_height
 from pushfit.explore.belief.tables import told_rows
 from pushfit.explore.explorer import Explorer
-from pushfit.explore.hands.protocol import Hand, PushOutcome, PushStatus
+from pushfit.explore.hands.protocol import Hand, PushStatus
 from pushfit.explore.hands.touch import FINAL, NOTHING_FELT, feel
 from pushfit.explore.limits import TOLERATED, Limits, tip_displacement
 from pushfit.explore.records import State, Suggestion
@@ -92,7 +91,10 @@ def _push(
     if not _is_allowed(hand, suggestion, length=length, limits=limits):
         return "out_of_reach"
     hand.rest(limits.rest_s)
-    outcome = _moved(hand, asked, limits.force)
+    try:
+        outcome = hand.push(asked, max_force=limits.force)
+    finally:  # whatever comes between
+        hand.retract()
     hand.rest(limits.rest_s)
     recording = hand.samples(outcome.t_start - RESTS * limits.rest_s)
     return feel(
@@ -104,16 +106,6 @@ def _push(
         sigma=None if belief.is_guess else float(np.min(belief.sigma)),
         least=least_height(belief, suggestion, prob=TOLERATED),
     )
-
-
-def _moved(
-    hand: Hand, asked: Float[np.ndarray, "3"], max_force: float | None
-) -> PushOutcome:
-    """Push and take the finger back, whatever comes between."""
-    try:
-        return hand.push(asked, max_force=max_force)
-    finally:
-        hand.retract()
 
 
 def _note(explorer: Explorer, suggestion: Suggestion, felt: PeakTable | str) -> None:

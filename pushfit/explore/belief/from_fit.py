@@ -1,7 +1,7 @@
 """Beliefs from the inference: draws of the posterior, or of the prior to begin with.
 
 Excluded: what one more push changes (`pushfit.explore.belief.learning`), and fits
-(`pushfit.explore.belief.best_fits`).
+(`pushfit.explore.decide.misfit`).
 """
 
 import contextlib

@@ -29,9 +29,6 @@ def learnt(
 
     Short pushes are in no table: they always come by weights, and all of them where
     draws are those of the priors.
-
-    Args:
-        n_drawn: Pushes that the draws rest on.
     """
     first, rest = told[:n_drawn], told[n_drawn:]
     belief = source(table_of(first, question), question, SEEDS * seed + n_drawn)

@@ -188,15 +188,6 @@ class _Bins:
         members = csr_array((ones, (found, known)), shape=(n, target.values.size))
         return cls(members=members, step=span / n, target=target)
 
-    def narrowest(
-        self, after: Float32[np.ndarray, "n t"], total: Float32[np.ndarray, " t"]
-    ) -> Float[np.ndarray, " t"]:
-        """Width of the shortest interval of each posterior [deg]."""
-        table = np.asarray(self.members @ after, dtype=float) / total
-        return column_widths(
-            table, self.target.prob, step=self.step, is_axis=self.target.is_axis
-        )
-
 
 def _widths(
     imagined: Imagined,
@@ -241,7 +232,15 @@ def _narrowest(
 ) -> Float[np.ndarray, "a t"]:
     """Width of the shortest interval of every angle and posterior [deg]."""
     total = _sums(after)
-    return np.stack([each.narrowest(after, total) for each in bins])
+    tables = [np.asarray(own.members @ after, dtype=float) / total for own in bins]
+    return np.stack(
+        [
+            column_widths(
+                table, own.target.prob, step=own.step, is_axis=own.target.is_axis
+            )
+            for own, table in zip(bins, tables, strict=True)
+        ]
+    )
 
 
 def _sums(table: Float32[np.ndarray, "n t"]) -> Float32[np.ndarray, " t"]:

@@ -4,21 +4,26 @@ An interval is narrow also where one wrong height has left hardly a draw. Exclud
 object that has moved (`pushfit.explore.decide.stopping`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import scipy
 from jaxtyping import Float
 
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.text.faults import listed
+from pushfit.errors import FitError
 from pushfit.explore.belief.belief import Belief, Question
-from pushfit.explore.belief.best_fits import least_residuals, unlike_others
 from pushfit.explore.belief.predict import predict
 from pushfit.explore.belief.tables import noise_is_known, sd_of, table_of
 from pushfit.explore.records import ToldPush, direction_words
 from pushfit.fit.assess.warnings import INADEQUATE
-from pushfit.fit.checks.leave_one_out import unlike_words
+from pushfit.fit.checks.leave_one_out import LeftOut, unlike_words, unpredicted
 from pushfit.fit.checks.table_checks import unit_slips
+from pushfit.fit.identify.fitted import prepared, reference_azimuth
+from pushfit.fit.problem.setup import Setup, build_problem
+from pushfit.fit.profiles.least_squares import fit_least_squares, settle_noise
+from pushfit.fit.results import FitResult
 
 # Chance of faulting heights that are those of a grasp.
 LEVEL = 1e-3
@@ -57,7 +62,7 @@ def misfit(told: Sequence[ToldPush], belief: Belief, question: Question) -> str 
         return _unlike_others(own, question)
     rows = [row for _, row in own]
     if belief.is_guess:
-        nearest = least_residuals(rows, question)
+        nearest = _of_nearest_fit(rows, question)
     else:
         nearest = _of_nearest_draw(rows, belief, question)
     if (
@@ -90,6 +95,38 @@ def _of_nearest_draw(
     return r[:, :, int(np.argmin(chi_square))]
 
 
+def _of_nearest_fit(
+    rows: Sequence[ToldPush], question: Question
+) -> Float[np.ndarray, "c n"] | None:
+    """How far the nearest fit is from each height [sd]; None where none is found."""
+    found = []
+    for table, _, fit, _ in _best_fits(rows, question):
+        residuals = np.zeros((len(table.channels), table.n_pushes))
+        where = [table.channels.index(name) for name in fit.channel], list(fit.row)
+        observed = np.stack([table.heights(name) for name in table.channels])[where]
+        residuals[where] = (observed - fit.predicted) / fit.sigma
+        found.append(residuals)
+    return min(found, key=lambda residuals: float(np.sum(residuals**2)), default=None)
+
+
+def _best_fits(
+    rows: Sequence[ToldPush], question: Question
+) -> Iterator[tuple[PeakTable, Setup, FitResult, float]]:
+    """Least squares by each mechanics, as far as solvers do not stop."""
+    table = table_of(rows, question)
+    if table is None:
+        return
+    settings, _ = prepared(table, question.settings)
+    for one in settings.by_mechanics():
+        alpha = reference_azimuth(table, one)
+        setup = settle_noise(build_problem(table, one), alpha)
+        try:
+            fit = fit_least_squares(setup, reference_alpha=alpha)
+        except FitError:
+            return
+        yield table, setup, fit, alpha
+
+
 def rejected(belief: Belief) -> str | None:
     """That the model does not describe the heights, and what to do, as a clause."""
     for warning in belief.warnings:
@@ -105,8 +142,12 @@ def rejected(belief: Belief) -> str | None:
 def _unlike_others(
     own: Sequence[tuple[int, ToldPush]], question: Question
 ) -> str | None:
-    """Which push the others do not predict, by the scatter that they show."""
-    found = unlike_others([row for _, row in own], question)
+    """Which push the others do not predict by any mechanics, by their own scatter."""
+    found: tuple[LeftOut, ...] = ()
+    for _, setup, fit, alpha in _best_fits([row for _, row in own], question):
+        found = unpredicted(setup, fit, reference_alpha=alpha)
+        if not found:
+            break
     if not found:
         return None
 

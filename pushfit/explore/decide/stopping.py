@@ -120,16 +120,10 @@ class Judge:
         """Asked angles whose interval is still too wide."""
         return tuple(
             angle
-            for angle, interval in intervals.items()
-            if not self._is_settled(belief, angle, interval)
+            for angle, own in intervals.items()
+            if (own is None and not self._is_known_absent(belief, angle))
+            or (own is not None and own[1] - own[0] > self.width)
         )
-
-    def _is_settled(
-        self, belief: Belief, angle: str, interval: Interval | None
-    ) -> bool:
-        if interval is None:
-            return self._is_known_absent(belief, angle)
-        return interval[1] - interval[0] <= self.width
 
     def _is_known_absent(self, belief: Belief, angle: str) -> bool:
         """Whether pushes, not priors alone, say that the contact never rolls."""
@@ -194,10 +188,13 @@ class Judge:
         n_counted = sum(row.counts for row in told)
         n_left = min(self.budget - n_own, limits.max_pushes - n_own - n_failed)
         undecided = self.undecided(belief, intervals)
+        is_noise_known = n_counted > 0 and (
+            noise_is_known(told, question) or n_counted >= MIN_UNKNOWN_NOISE
+        )
         answer, unlimited, within = Answer.DECIDING, None, None
         if stopped is not None:
             answer = Answer.STOPPED
-        elif not (undecided or belief.is_guess) and self._may_decide(question, told):
+        elif not (undecided or belief.is_guess) and is_noise_known:
             answer = Answer.DECIDED
         elif undecided and not (belief.is_guess or any(map(belief.lacks, undecided))):
             # Priors alone leave too few draws for so many pushes, and no chance of it.
@@ -223,11 +220,6 @@ class Judge:
             n_left=max(n_left, 0),
         )
         return state if stopped else self._worded(state, belief, survey)
-
-    def _may_decide(self, question: Question, told: Sequence[ToldPush]) -> bool:
-        """Whether the scatter of heights is known well enough to believe a width."""
-        n = sum(row.counts for row in told)
-        return n > 0 and (noise_is_known(told, question) or n >= MIN_UNKNOWN_NOISE)
 
     def _forecast(
         self,

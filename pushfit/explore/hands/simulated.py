@@ -108,7 +108,18 @@ class SimulatedHand:
     def rest(self, seconds: float) -> None:
         """Let the sensor rest; no time of its clock passes while somebody thinks."""
         rng = np.random.default_rng([self.seed, self.n_pushes, 1])
-        self._parts.append(self._resting(seconds, rng))
+        rate = self.world.session.rate
+        n = max(int(np.ceil(seconds * rate)), 1)
+        channels = self._nothing(n, rng)
+        part = Recording(
+            time=np.arange(1, n + 1) / rate + self.clock,
+            channels=channels,
+            units=dict.fromkeys(channels, self.world.session.unit),
+            theta=np.full(n, np.nan),
+            alpha=np.full(n, np.nan),
+        )
+        self.clock = float(part.time[-1])
+        self._parts.append(part)
 
     def samples(self, since: float) -> Recording:
         """All samples since a moment, in the order in which they came."""
@@ -167,21 +178,6 @@ class SimulatedHand:
         reading = sensed(time, np.zeros(n), session=session, rng=rng)
         names = AXES if session.forces else (session.channel,)
         return {name: reading.copy() for name in names}
-
-    def _resting(self, seconds: float, rng: np.random.Generator) -> Recording:
-        session = self._session()
-        n = max(int(np.ceil(seconds * session.rate)), 1)
-        time = np.arange(1, n + 1) / session.rate
-        channels = self._nothing(n, rng)
-        part = Recording(
-            time=time + self.clock,
-            channels=channels,
-            units=dict.fromkeys(channels, session.unit),
-            theta=np.full(n, np.nan),
-            alpha=np.full(n, np.nan),
-        )
-        self.clock = float(part.time[-1])
-        return part
 
 
 def joints_stated(config: GraspConfig) -> GraspConfig:

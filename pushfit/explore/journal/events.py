@@ -197,10 +197,6 @@ def check_start(begun: Event, now: Event, path: Path | None) -> None:
 
     With another budget it is gone on with: no push depends on it.
 
-    Args:
-        begun: First line of the journal.
-        now: What it would be.
-
     Raises:
         ConfigError: They differ, other than that one of them names no hand.
         DataError: The journal begins with another event.

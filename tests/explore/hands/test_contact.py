@@ -7,8 +7,8 @@ import pytest
 
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.simulate import BIOTAC, Session, simulate_recording
-from pushfit.explore.hands.contact import is_lost, is_unfelt
 from pushfit.explore.hands.protocol import PushOutcome, PushStatus
+from pushfit.explore.hands.touch import is_lost, is_unfelt
 from tests.explore.beliefs import PLAIN
 from tests.explore.worlds import TRUTH
 

@@ -8,6 +8,7 @@ import queue
 import threading
 import time
 from collections import deque
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from pushfit.data.recordings.records import Recording
 from pushfit.errors import DataError
 from pushfit.explore.hands.protocol import PushOutcome, PushStatus, Reach
 from pushfit.explore.hands.ros import messages
-from pushfit.explore.hands.ros.messages import ros, xyz
+from pushfit.explore.hands.ros.messages import put_xyz, ros, xyz
 
 # Samples kept: some minutes of a fast sensor.
 KEPT = 200_000
@@ -56,16 +57,11 @@ class RosHand:
         r = ros()
         geometry, actions = r.geometry_msgs, r.actionlib_msgs
         messages.begin("pushfit_algorithm", disable_signals=True)
-        self._push = r.rospy.Publisher(
-            messages.DISPLACEMENT, geometry.Vector3Stamped, queue_size=1
-        )
-        self._cancel = r.rospy.Publisher(messages.CANCEL, actions.GoalID, queue_size=1)
-        self._awaited = r.rospy.Publisher(
-            messages.AWAITED, r.std_msgs.Time, queue_size=1
-        )
-        self._limit = r.rospy.Publisher(
-            messages.MAX_FORCE, r.std_msgs.Float64, queue_size=1, latch=True
-        )
+        to_robot = partial(r.rospy.Publisher, queue_size=1)
+        self._push = to_robot(messages.DISPLACEMENT, geometry.Vector3Stamped)
+        self._cancel = to_robot(messages.CANCEL, actions.GoalID)
+        self._awaited = to_robot(messages.AWAITED, r.std_msgs.Time)
+        self._limit = to_robot(messages.MAX_FORCE, r.std_msgs.Float64, latch=True)
         for topic, kind, heard in (
             (messages.TOUCH, geometry.WrenchStamped, self._on_touch),
             (messages.REACHED, geometry.Vector3Stamped, self._on_reached),
@@ -88,7 +84,7 @@ class RosHand:
             self._limit.publish(float(max_force))
         goal = r.geometry_msgs.Vector3Stamped()
         goal.header.stamp, goal.header.frame_id = stamp, "push"
-        goal.vector.x, goal.vector.y, goal.vector.z = map(float, displacement)
+        put_xyz(goal.vector, displacement)
         self._push.publish(goal)
         status = self._wait_for_end(stamp)
         key = stamp.to_sec()

@@ -7,7 +7,7 @@ Excluded: what nodes say on the topics (`pushfit.explore.hands.ros.hand`,
 
 import functools
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from http.client import HTTPConnection
 from importlib import import_module
 from pathlib import Path
@@ -127,3 +127,8 @@ def run(name: str, node: Callable[[], object]) -> None:
 def xyz(point: Any) -> Float[np.ndarray, "3"]:
     """Components of a point or vector of a message."""
     return np.array([point.x, point.y, point.z])
+
+
+def put_xyz(point: Any, values: Iterable[float]) -> None:
+    """Set the components of a point or vector of a message."""
+    point.x, point.y, point.z = map(float, values)

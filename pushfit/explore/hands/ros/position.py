@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pushfit.explore.hands.ros import messages
-from pushfit.explore.hands.ros.messages import ros, xyz
+from pushfit.explore.hands.ros.messages import put_xyz, ros, xyz
 
 # How far the finger may lag behind its set point, and for how long [m, s].
 LAG, LAG_TIME = 5e-4, 0.3
@@ -52,15 +52,10 @@ class PositionNode:
         # Stamp of the push under way, and when the algorithm last waited for it.
         self._goal: object = None
         self._waited = self._said = 0.0
-        self._command = rospy.Publisher(
-            messages.COMMAND, geometry.PointStamped, queue_size=10
-        )
-        self._status = rospy.Publisher(
-            messages.STATUS, actions.GoalStatus, queue_size=10
-        )
-        self._reached = rospy.Publisher(
-            messages.REACHED, geometry.Vector3Stamped, queue_size=10
-        )
+        publisher = partial(rospy.Publisher, queue_size=10)
+        self._command = publisher(messages.COMMAND, geometry.PointStamped)
+        self._status = publisher(messages.STATUS, actions.GoalStatus)
+        self._reached = publisher(messages.REACHED, geometry.Vector3Stamped)
         # Before the rest: an algorithm that sees this node listen may call at once.
         rospy.Service(messages.RETRACT, r.std_srvs.Trigger, self._on_retract)
         for topic, kind, heard in (
@@ -104,7 +99,7 @@ class PositionNode:
         r = ros()
         answer = r.geometry_msgs.Vector3Stamped()
         answer.header.stamp = stamp
-        answer.vector.x, answer.vector.y, answer.vector.z = map(float, reached)
+        put_xyz(answer.vector, reached)
         self._reached.publish(answer)
         actions = r.actionlib_msgs.GoalStatus
         code = actions.SUCCEEDED if reason is None else actions.ABORTED
@@ -167,7 +162,7 @@ class PositionNode:
         r = ros()
         message = r.geometry_msgs.PointStamped()
         message.header.stamp = r.rospy.Time.now()
-        message.point.x, message.point.y, message.point.z = map(float, point)
+        put_xyz(message.point, point)
         self._command.publish(message)
         now = time.monotonic()
         if self._goal is not None and now - self._said > messages.BEAT:

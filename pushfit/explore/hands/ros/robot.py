@@ -18,7 +18,7 @@ from pushfit.config import read_config
 from pushfit.data.grasp import make_grasp
 from pushfit.data.truth import stated_parameters
 from pushfit.explore.hands.ros import messages
-from pushfit.explore.hands.ros.messages import ros, xyz
+from pushfit.explore.hands.ros.messages import put_xyz, ros, xyz
 from pushfit.model import Pushes, forward
 
 
@@ -40,14 +40,11 @@ class RobotNode:
         self._at, self._ordered = np.zeros(3), 0.0
         self._forces = eqx.filter_jit(forward)
         geometry = r.geometry_msgs
-        self._position = rospy.Publisher(
-            messages.POSITION, geometry.PointStamped, queue_size=10
-        )
+        publisher = partial(rospy.Publisher, queue_size=10)
+        self._position = publisher(messages.POSITION, geometry.PointStamped)
+        self._joints = publisher(messages.JOINTS, r.sensor_msgs.JointState)
         self._wrench = rospy.Publisher(
             messages.WRENCH, geometry.WrenchStamped, queue_size=100
-        )
-        self._joints = rospy.Publisher(
-            messages.JOINTS, r.sensor_msgs.JointState, queue_size=10
         )
         self._publish()  # compiles before anybody pushes
         rospy.Subscriber(
@@ -85,16 +82,12 @@ class RobotNode:
         )
         pushes = Pushes(np.array([theta]), np.array([alpha]))
         found = self._forces(self.params, pushes, grasp)
-        normal, tangential = (
-            float(found.height_normal[0]),
-            float(found.height_tangential[0]),
-        )
-        fx, fy, fz = np.array(
-            [tangential * np.cos(alpha), tangential * np.sin(alpha), normal]
-        ) + self.noise * self._rng.standard_normal(3)
+        normal, tangential = float(found.height_normal[0]), found.height_tangential[0]
+        along = float(tangential) * np.array([np.cos(alpha), np.sin(alpha)])
+        force = np.append(along, normal) + self.noise * self._rng.standard_normal(3)
         position = r.geometry_msgs.PointStamped()
         position.header.stamp = now
-        position.point.x, position.point.y, position.point.z = x, y, z
+        put_xyz(position.point, (x, y, z))
         self._position.publish(position)
         joints = r.sensor_msgs.JointState()
         joints.header.stamp, joints.name = now, ["x", "y", "z"]
@@ -102,8 +95,7 @@ class RobotNode:
         self._joints.publish(joints)
         wrench = r.geometry_msgs.WrenchStamped()
         wrench.header.stamp = now
-        force = wrench.wrench.force
-        force.x, force.y, force.z = float(fx), float(fy), float(fz)
+        put_xyz(wrench.wrench.force, force)
         self._wrench.publish(wrench)
 
 
