@@ -58,9 +58,6 @@ class GraspRows:
 def is_long_table(path: str | Path) -> bool:
     """Tell cheaply whether a file may hold many grasps; never raises for its content.
 
-    Args:
-        path: File that exists.
-
     Returns:
         Whether it has a column `grasp` that names some. Folders are no tables.
     """

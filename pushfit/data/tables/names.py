@@ -26,11 +26,7 @@ def any_name(stem: str, holds: Holds) -> str:
 
 
 def nearest_stem(name: str, known: Known, *, taken: Collection[str]) -> str | None:
-    """The stem that a name without its unit looks like a slip of; None if it is none.
-
-    Args:
-        taken: Stems that are there already.
-    """
+    """Stem that a name without its unit looks like a slip of; None if it is none."""
     stem_of = {_sorted_words(stem): stem for stem in known}
     near = difflib.get_close_matches(
         _sorted_words(name), list(stem_of), n=1, cutoff=ALIKE

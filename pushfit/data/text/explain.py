@@ -65,11 +65,7 @@ def slow_scan(
 def cell_problems(
     path: str, column: str, cells: Iterable[tuple[int, str]]
 ) -> list[InputProblem]:
-    """Check cells that are to be numbers, of what has no rows of fields.
-
-    Args:
-        cells: Line and text of each.
-    """
+    """Check cells, each with its line, that are to be numbers and in no rows."""
     layout = Layout(writer="native", delimiter=",", decimal=".", names=(column,))
     check = _RowCheck(path=path, layout=layout, kinds={}, missing=frozenset(MISSING))
     for line, cell in cells:
