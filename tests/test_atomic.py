@@ -52,14 +52,14 @@ def writer(request, monkeypatch) -> list[str]:
             monkeypatch.setattr(f"pushfit.{name}", lambda *_, **__: value)
 
     found, report = SimpleNamespace(differences=(1,)), "report.text"
-    stand_in(found, "report.store.read.read_result", "cli.commands.coverage.load_table")
+    stand_in(found, "report.store.read.read_result", "cli.commands.analysis.load_table")
     stand_in(
         found, "fit.coverage.coverage_study", f"{report}.difference.compare_results"
     )
     stand_in((), "explore.explorer.Explorer.ask")
     stand_in(Figure(), "report.figures.diagnostics.study_figure")
     stand_in(Figure(), "report.figures.exploration.exploration_picture")
-    stand_in(Figure(), "report.figures.forest.forest_figure")
+    stand_in(Figure(), "report.figures.posterior.forest_figure")
     stand_in("x" * 200, "report.html.result.render_html", "cli.look.page.static_page")
     for text in ("coverage.study", "difference.difference", "exploration.next"):
         stand_in("", f"{report}.{text}_text")

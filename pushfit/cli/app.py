@@ -14,15 +14,12 @@ import pushfit
 from pushfit.cli.commands import (
     analysis,
     batch,
-    compare,
-    coverage,
     doctor,
     explore,
     files,
     look,
     results,
     verify,
-    watch,
 )
 from pushfit.cli.session import CommandSession, command, say_no_more
 from pushfit.cli.stop import stoppable
@@ -72,18 +69,18 @@ for function in (
     files.init,
     results.report,
     verify.verify,
-    coverage.coverage,
-    compare.compare,
+    analysis.coverage,
+    analysis.compare,
     results.diff,
     batch.batch,
-    watch.watch,
+    batch.watch,
     explore.next,
     explore.explore,
     doctor.doctor,
 ):
     command(app)(function)
 command(app, "sample", help="Another name of fit.")(analysis.fit)
-command(app, "calibrate", help="The former name of coverage.")(coverage.coverage)
+command(app, "calibrate", help="The former name of coverage.")(analysis.coverage)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

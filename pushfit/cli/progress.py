@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from pushfit.report.strings import printable, time_left
+
 if TYPE_CHECKING:
     from rich.progress import Progress
 
@@ -39,16 +41,12 @@ class ProgressLines:
         if kind == self._stage and share < self._last + WORTH_A_LINE:
             return
         self._last, self._stage = share, kind
-        self._say(f"{stage}: {100 * share:.0f} % done{self._left(share)}")
+        left = time_left(share, self._clock() - self._start)
+        self._say(f"{stage}: {100 * share:.0f} % done{left}")
 
     def tell(self, text: str) -> None:
         """Say what is known already."""
         self._say(text)
-
-    def _left(self, share: float) -> str:
-        from pushfit.report.strings import time_left
-
-        return time_left(share, self._clock() - self._start)
 
 
 class Bar(ProgressLines):
@@ -76,8 +74,6 @@ def shown_bar() -> Iterator[Bar]:
         TimeRemainingColumn,
     )
     from rich.text import Text
-
-    from pushfit.report.strings import printable
 
     columns = (
         TextColumn("{task.description}"),

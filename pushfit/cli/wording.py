@@ -20,11 +20,7 @@ _QUOTED = re.compile(r"`([^`\n]{1,300})`")
 
 
 def in_options(text: str, flags: Mapping[str, str]) -> str:
-    """The same text with options in place of arguments.
-
-    Args:
-        flags: As `flags_of` gives them.
-    """
+    """The same text with options, as `flags_of` gives them, in place of arguments."""
     return _QUOTED.sub(lambda quoted: _translated(quoted, flags), text)
 
 

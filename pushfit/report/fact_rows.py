@@ -96,20 +96,13 @@ def cannot_say(identification: Identification) -> list[str]:
     """What the data leave open and which measurement would close it, in sentences."""
     result, sentences = identification.identifiability, []
     parameters = identification.parameters if is_trusted(identification) else ()
-    by_verdict = {
-        verdict: [
-            symbol(quantity.name)
-            for quantity in parameters
-            if quantity.verdict is verdict
-        ]
-        for verdict in (Verdict.ASSUMED, Verdict.PARTLY)
-    }
-    if by_verdict[Verdict.ASSUMED]:
-        names = join_and(by_verdict[Verdict.ASSUMED])
-        sentences.append(f"{names}: the values are those of the prior.")
-    if by_verdict[Verdict.PARTLY]:
-        names = join_and(by_verdict[Verdict.PARTLY])
-        sentences.append(f"{names}: the values lean on the prior.")
+    for verdict, words in (
+        (Verdict.ASSUMED, "are those of the prior"),
+        (Verdict.PARTLY, "lean on the prior"),
+    ):
+        names = join_and([symbol(q.name) for q in parameters if q.verdict is verdict])
+        if names:
+            sentences.append(f"{names}: the values {words}.")
     if result.rank < result.n_parameters:
         sentences.append(
             f"The heights fix {result.rank} of {result.n_parameters} directions in the "

@@ -1,13 +1,16 @@
-"""`identify`, `fit` and `demo`: from recordings or peaks to a report.
+"""`identify`, `fit`, `demo`, `compare`, `coverage`: from recordings or peaks to words.
 
-Excluded: the analysis itself (`pushfit.fit.identify.identify_table`).
+Excluded: what is computed (`pushfit.fit.identify.identify_table`,
+`pushfit.fit.comparison`, `pushfit.fit.coverage`).
 """
 
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 from pushfit.cli import options
 from pushfit.cli.background import aside
@@ -17,7 +20,7 @@ from pushfit.cli.inputs import (
     read_settings,
     warn_of_unread,
 )
-from pushfit.cli.output import warn_of_missing
+from pushfit.cli.output import refuse_picture, warn_of_missing
 from pushfit.cli.session import CommandSession
 from pushfit.cli.stop import say_kept
 from pushfit.errors import FitError
@@ -160,6 +163,68 @@ def analyse(
 
         print(render_text(found))
     return 0 if found.status is FitStatus.OK else FitError.exit_code
+
+
+def compare(
+    session: CommandSession,
+    table: options.TableFile,
+    config: options.ConfigFile = None,
+    *,
+    seed: options.Seed = 0,
+    json: options.JsonOption = False,
+) -> int:
+    """Compare ways of rolling and mechanics on one table."""
+    from pushfit.config import read_config
+    from pushfit.fit.comparison import compare_models
+    from pushfit.fit.results import FitStatus
+    from pushfit.report.text.comparison import comparison_dict, comparison_text
+
+    warn_of_unread(session, config, table)
+    settings = read_config(config)
+    peaks = load_table(table, settings)
+    with session.progress() as progress:
+        found = compare_models(peaks, settings, seed=seed, progress=progress)
+    if json:
+        session.print_json(comparison_dict(found))
+    else:
+        print(comparison_text(found))
+    return 0 if found.status is FitStatus.OK else FitError.exit_code
+
+
+def coverage(
+    session: CommandSession,
+    table: options.TableFile,
+    config: options.ConfigFile = None,
+    *,
+    tables: Annotated[
+        int, typer.Option("--tables", min=1, help="Number of tables to simulate.")
+    ] = 20,
+    plot: options.PlotFile = None,
+    seed: options.Seed = 0,
+    json: options.JsonOption = False,
+    force: options.Force = False,
+) -> None:
+    """Measure how often intervals hold the truth for these pushes."""
+    refuse_picture(plot, force=force)
+    from pushfit.config import read_config
+    from pushfit.fit.coverage import coverage_study
+    from pushfit.report.figures import save_figure
+    from pushfit.report.figures.diagnostics import study_figure
+    from pushfit.report.text.coverage import study_dict, study_text
+
+    settings = read_config(config)
+    peaks = load_table(table, settings)
+    with session.progress() as progress:
+        found = coverage_study(
+            peaks, settings, n_tables=tables, seed=seed, progress=progress
+        )
+    if plot is not None:
+        save_figure(study_figure(found), plot)
+        session.wrote(plot)
+    if json:
+        session.print_json(study_dict(found))
+    else:
+        print(study_text(found))
 
 
 def example_folder() -> Path:

@@ -1,6 +1,6 @@
 """`pushfit look`: choose the pushes of a recording and name their directions.
 
-Excluded: the page and its server (`pushfit.cli.look`).
+Excluded: the page and its address (`pushfit.cli.look`).
 """
 
 import shlex
@@ -63,13 +63,11 @@ def look(
         )
     settings = read_settings(layout, **asdict(search), begin=begin, end=end)
     shown = read_look(session, recording, schedule=schedule, settings=settings)
-    if export is not None:
-        from pushfit.cli.look.page import static_page
+    from pushfit.cli.look.page import start_server, static_page
 
+    if export is not None:
         write_text(session, static_page(shown, title=str(recording)), export)
         return
-    from pushfit.cli.look.server import start_server
-
     server, address = start_server(shown, title=str(recording), save=save, port=port)
     print(address, flush=True)
     session.say("the page is on this machine only; Ctrl-C ends it")

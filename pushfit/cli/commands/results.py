@@ -54,7 +54,7 @@ def diff(
 ) -> None:
     """What differs between two results, by how much and how surely."""
     refuse_picture(plot, force=force)
-    from pushfit.report.figures.forest import forest_figure
+    from pushfit.report.figures.posterior import forest_figure
     from pushfit.report.figures.style import save_figure
     from pushfit.report.store.read import read_result
     from pushfit.report.text.difference import (

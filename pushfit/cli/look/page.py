@@ -1,16 +1,21 @@
 """The page on a recording: a picture to click, a table to type in, and buttons.
 
 All that is decided goes to a `Look`, all that is shown comes from it. The page loads
-nothing. Excluded: its address (`pushfit.cli.look.server`) and how files are written.
+nothing; its address is on this machine only, and only for who knows its token.
+Excluded: how files are written (`pushfit.cli.commands.look`).
 """
 
 import itertools
+import secrets
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from bokeh.application import Application
+from bokeh.application.handlers import FunctionHandler
 from bokeh.core.templates import FILE, get_env
+from bokeh.document import Document
 from bokeh.embed import file_html
 from bokeh.events import Event, Tap
 from bokeh.layouts import column, row
@@ -30,12 +35,14 @@ from bokeh.models import (
     TextInput,
 )
 from bokeh.resources import INLINE
+from bokeh.server.server import Server
+from bokeh.settings import settings
 from jaxtyping import Float
 from jinja2 import Template
 
 from pushfit.cli.look.panels import panels
 from pushfit.cli.look.state import Look
-from pushfit.errors import PushfitError
+from pushfit.errors import ConfigError, PushfitError
 from pushfit.report.figures.components import heights_in
 from pushfit.report.figures.recording import MAX_TIME
 from pushfit.report.figures.style import DATA, GREY, axis_label
@@ -75,6 +82,7 @@ LINE, NARROW = 25, 150
 SCREEN = 17
 # What the number of a push takes, as a share of the range of the signal.
 HEADROOM = 0.1
+HOST = "127.0.0.1"
 YES, NO, NONE = "yes", "no", "–"
 Save = Callable[[Look], str]
 SourceColumns = Mapping[str, Sequence[object]]
@@ -281,15 +289,54 @@ def _drawn_in_component(own: pd.DataFrame) -> SourceColumns:
 def static_page(look: Look, *, title: str) -> str:
     """The page without anything to click, as one file of HTML."""
     page = Page(look, title=title, save=None)
-    return file_html(page.root, INLINE, page_title(title), template=page_template())
+    return file_html(page.root, INLINE, _window(title), template=_template())
 
 
-def page_title(title: str) -> str:
+def start_server(
+    look: Look, *, title: str, save: Save, port: int
+) -> tuple[Server, str]:
+    """Have the page at an address; it answers while the loop of the server runs.
+
+    Args:
+        look: What is shown; the same in every window, so that nothing is lost when a
+            page is loaded again.
+
+    Raises:
+        ConfigError: The port cannot be had (`port`).
+    """
+
+    def open_page(document: Document) -> None:
+        document.add_root(Page(look, title=title, save=save).root)
+        document.title = _window(title)
+        document.template = _template()
+
+    path = f"/{secrets.token_urlsafe(32)}"
+    try:
+        server = Server(
+            {path: Application(FunctionHandler(open_page))},
+            address=HOST,
+            port=port,
+            # At /, a list of pages, or the way to the only one, would tell the token.
+            use_index=False,
+        )
+    except OSError as error:
+        raise ConfigError(
+            f"port {port}: {error.strerror}; name another, or 0 for a free one",
+            code="port",
+        ) from error
+    # Set here, these have the last word over the environment of the user.
+    settings.allowed_ws_origin = [f"{HOST}:{server.port}"]
+    settings.resources = "inline"
+    server.start()
+    return server, f"http://{HOST}:{server.port}{path}"
+
+
+def _window(title: str) -> str:
     """Name of the window."""
     return printable(f"pushfit look: {title}")
 
 
-def page_template() -> Template:
+def _template() -> Template:
     """Frame of the page: Bokeh's own, in which nothing may be loaded."""
     return get_env().from_string(PREAMBLE, globals={"frame": FILE})
 

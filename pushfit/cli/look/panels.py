@@ -20,7 +20,6 @@ from pushfit.report.figures.components import (
     REST,
     SHADE,
     TOP,
-    kept_samples,
     left_out_samples,
 )
 from pushfit.report.figures.recording import COMPONENT, LETTERS
@@ -99,7 +98,7 @@ def _component_panel(
     time = own.time - origin
     panel = _panel(
         time,
-        kept_samples(own.signal, own.is_jerk),
+        np.where(own.is_jerk, np.nan, own.signal),
         marks,
         height=round(COMPONENT * PICTURE),
         # A finger that drags here moves the page, not the time.
@@ -108,16 +107,11 @@ def _component_panel(
         x_range=above.x_range,
         y_axis_label=fill(axis_label(own.name, unit), LETTERS),
     )
-    panel.vstrip(
-        x0="first",
-        x1="last",
-        source=marks,
-        fill_color=GREY,
-        fill_alpha=SHADE,
-        line_color=None,
-    )
-    _levels(panel, marks, "left", "right", level="rest", width=REST)
-    _levels(panel, marks, "first", "last", level="height", width=TOP)
+    shade = {"fill_color": GREY, "fill_alpha": SHADE, "line_color": None}
+    panel.vstrip("first", "last", source=marks, **shade)
+    black = {"source": marks, "color": BLACK}
+    panel.segment("left", "rest", "right", "rest", line_width=REST, **black)
+    panel.segment("first", "height", "last", "height", line_width=TOP, **black)
     # Jerks set no scale, as in the pictures.
     panel.y_range = DataRange1d(renderers=[*panel.renderers])
     if own.is_jerk.any():
@@ -134,43 +128,9 @@ def _panel(
 ) -> figure:
     """Samples over the shades of humps, and the height of each."""
     panel = figure(sizing_mode="stretch_width", **options)
-    panel.vstrip(
-        x0="left",
-        x1="right",
-        source=marks,
-        fill_color="colour",
-        fill_alpha=HUMP,
-        line_color=None,
-    )
+    shade = {"fill_color": "colour", "fill_alpha": HUMP, "line_color": None}
+    panel.vstrip("left", "right", source=marks, **shade)
     panel.line(time, signal, color=DATA)
-    panel.segment(
-        x0="peak",
-        y0="rest",
-        x1="peak",
-        y1="height",
-        source=marks,
-        color="colour",
-        line_width=2,
-    )
+    coloured = {"source": marks, "color": "colour"}
+    panel.segment("peak", "rest", "peak", "height", line_width=2, **coloured)
     return panel
-
-
-def _levels(
-    panel: figure,
-    marks: ColumnDataSource,
-    begin: str,
-    end: str,
-    *,
-    level: str,
-    width: float,
-) -> None:
-    """Draw a level of each hump between two times."""
-    panel.segment(
-        x0=begin,
-        y0=level,
-        x1=end,
-        y1=level,
-        source=marks,
-        color=BLACK,
-        line_width=width,
-    )

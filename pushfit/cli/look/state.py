@@ -1,8 +1,8 @@
 """What the page on a recording shows and its reader decides, without the page.
 
 Humps come from the search of all commands, heights from their measurement, and both see
-the very schedule and windows that are going to be saved. Excluded: drawing
-(`pushfit.cli.look.page`), serving (`pushfit.cli.look.server`) and files.
+the very schedule and windows that are going to be saved. Excluded: drawing and serving
+(`pushfit.cli.look.page`), and files.
 """
 
 from collections.abc import Sequence

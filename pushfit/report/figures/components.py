@@ -44,13 +44,6 @@ def heights_in(
     )
 
 
-def kept_samples(
-    signal: Float[np.ndarray, " n"], is_jerk: Bool[np.ndarray, " n"]
-) -> Float[np.ndarray, " n"]:
-    """Samples that heights were measured in; NaN where a jerk was left out."""
-    return np.where(is_jerk, np.nan, signal)
-
-
 def left_out_samples(
     signal: Float[np.ndarray, " n"], is_jerk: Bool[np.ndarray, " n"]
 ) -> Float[np.ndarray, " n"]:

@@ -4,7 +4,6 @@ Excluded: its sentences (`pushfit.report.text.exploration`).
 """
 
 from collections.abc import Sequence
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,17 +34,6 @@ if TYPE_CHECKING:
 
 # Bins of the histogram: of 1° for elevations, of 2° for azimuths of an axis.
 N_BINS = 90
-# A legend where nothing is drawn: a map fills its axes.
-BELOW = MappingProxyType(
-    {
-        "loc": "upper center",
-        "bbox_to_anchor": (0.5, -0.2),
-        "ncols": 3,
-        "columnspacing": 1.0,
-        "handletextpad": 0.3,
-        "handlelength": 1.2,
-    }
-)
 
 
 @styled
@@ -148,7 +136,16 @@ def _draw_gains(
         for best in following:
             axes.plot(*best, "v", color=VERMILLION, label="next")
         axes.set_ylabel("push azimuth α [°]")
-    place_legend(axes, **BELOW)
+    # Where nothing is drawn: a map fills its axes.
+    place_legend(
+        axes,
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.2),
+        ncols=3,
+        columnspacing=1.0,
+        handletextpad=0.3,
+        handlelength=1.2,
+    )
 
 
 def _mark(

@@ -293,7 +293,7 @@ def ellipse_figure(
         entries["not learned from these data"] = Line2D([], [], color=PRIOR, lw=1.8)
     if alpha_star is not None and alpha_star.estimates:
         words = f"{math_symbol('alpha_star')} {drawable(alpha_star.text)}"
-        entries[words] = Line2D([], [], color=BLACK, lw=1.1, ls=(0, (4, 2)))
+        entries[words] = Line2D([], [], color=BLACK, lw=1.1, ls=DASHED)
     legend = room.legend(
         list(entries.values()),
         list(entries),

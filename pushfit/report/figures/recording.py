@@ -25,7 +25,6 @@ from pushfit.report.figures.components import (
     draw_stretches,
     explain,
     heights_in,
-    kept_samples,
 )
 from pushfit.report.figures.style import (
     ALARM,
@@ -208,7 +207,7 @@ def _draw_panel(
     jerks = time[is_jerk]
     time, signal = envelope(time[inside], signal[inside], max_points=MAX_POINTS)
     is_jerk = np.isin(time, jerks)
-    kept = kept_samples(signal, is_jerk)
+    kept = np.where(is_jerk, np.nan, signal)
     axes.plot(time, kept, color=DATA, lw=0.8, zorder=2)
     if is_jerk.any():
         draw_jerks(axes, time, signal, is_jerk)

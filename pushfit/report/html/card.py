@@ -81,9 +81,9 @@ def card_html(identification: Identification) -> str:
     answers = (theta_c_answer(identification), alpha_star_answer(identification))
     parts = []
     if status is not FitStatus.OK:
-        parts.append(_alarm(f"Do not use these numbers: {status.value}."))
+        parts.append(_text("p", f"Do not use these numbers: {status.value}.", ALARM))
     if not quality.is_adequate:
-        parts.append(_alarm(quality.sentence))
+        parts.append(_text("p", quality.sentence, ALARM))
     parts += [_answer(answer) for answer in answers]
     parts.append(_picture(identification))
     if identification.warnings:
@@ -99,10 +99,6 @@ def _answer(answer: AnswerText) -> str:
     title = f"{symbol(answer.name)} {answer.short}"
     big = f'<div style="font-size:1.25em">{indexed_html(title)}</div>'
     return big + _text("div", answer.sentence, "margin-bottom:.5em")
-
-
-def _alarm(sentence: str) -> str:
-    return _text("p", sentence, ALARM)
 
 
 def _text(tag: str, text: str, style: str = "") -> str:

@@ -30,10 +30,7 @@ INDEXED = re.compile(
 def render_page(
     template: str, content: Mapping[str, object], *, script: str = ""
 ) -> str:
-    """A template with its style sheet, and a script if it has one.
-
-    Args:
-        template: File in `templates`.
+    """A file of `templates` with its style sheet, and a script if it has one.
 
     Raises:
         ConfigError: Jinja2 is not installed.

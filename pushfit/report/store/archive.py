@@ -9,7 +9,7 @@ Excluded: writing the file (`pushfit.report.store.folder`).
 
 import json
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, NotRequired, TypedDict
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
@@ -21,16 +21,10 @@ from pushfit.report.store.summary_schema import SCHEMA
 if TYPE_CHECKING:
     from xarray import DataTree
 
+# What makes an `xarray.Dataset`, which takes long to load.
+DatasetParts = dict[str, Any]
 # What ArviZ makes R-hat of by default.
 INDEPENDENT_CHAINS = 4
-
-
-class DatasetParts(TypedDict):
-    """What makes an `xarray.Dataset`, which takes long to load."""
-
-    data_vars: Mapping[str, object]
-    coords: Mapping[str, object]
-    attrs: NotRequired[Mapping[str, object]]
 
 
 def posterior_tree(identification: Identification) -> "DataTree":
@@ -47,26 +41,19 @@ def posterior_tree(identification: Identification) -> "DataTree":
 
     posterior, fit = identification.posterior, identification.fit
     table = identification.table
-    rows = np.array(fit.row, dtype=int)
-    observed = {
-        channel: table.heights(channel)[rows[np.array(fit.channel) == channel]]
-        for channel in table.channels
-    }
+    rows, channel = np.array(fit.row, dtype=int), np.array(fit.channel)
+    used = {name: rows[channel == name] for name in table.channels}
+    pushes = table.frame["push"].to_numpy()
     n_chains = number_of_chains(posterior)
     tree = arviz_base.from_dict(
         {
             "posterior": _chains(posterior.samples, n_chains),
             "prior": _chains(posterior.prior_samples, 1),
             "sample_stats": _chains({"lp": posterior.log_prob}, n_chains),
-            "observed_data": observed,
+            "observed_data": {n: table.heights(n)[own] for n, own in used.items()},
         },
-        dims={name: [f"{name}_push"] for name in observed},
-        coords={
-            f"{name}_push": table.frame["push"].to_numpy()[
-                rows[np.array(fit.channel) == name]
-            ]
-            for name in observed
-        },
+        dims={name: [f"{name}_push"] for name in used},
+        coords={f"{name}_push": pushes[own] for name, own in used.items()},
     )
     for group in tree.children.values():
         # A time stamp would make equal results different files.

@@ -8,8 +8,8 @@ import pytest
 from pushfit.batch import run
 from pushfit.batch.items import ItemFailure
 from pushfit.cli import main
-from pushfit.cli.commands import watch as watch_module
-from pushfit.cli.commands.watch import stamps
+from pushfit.cli.commands import batch as watch_module
+from pushfit.cli.commands.batch import stamps
 from pushfit.errors import ConfigError, DataError
 
 

@@ -11,7 +11,7 @@ import pytest
 from pushfit.cli import main
 from pushfit.errors import DataError
 from pushfit.fit.results import Verdict
-from pushfit.report.figures.forest import forest_figure
+from pushfit.report.figures.posterior import forest_figure
 from pushfit.report.store import read as stored
 from pushfit.report.text.difference import (
     compare_results,
