@@ -20,6 +20,20 @@ def test_numpy_columns_are_read_by_name(tmp_path):
         read_recording(tmp_path / "log.npy")
 
 
+# Whole nanoseconds of times since 1970 lie 256 ns apart as a float64.
+SINCE_1970 = 256e-9
+
+
+def test_seconds_and_nanoseconds_of_arrays_are_one_clock(tmp_path):
+    whole, rest = np.divmod(1_700_000_000_900_000_000 + 10**7 * np.arange(50), 10**9)
+    arrays = {"stamp_sec": whole, "stamp_nsec": rest, "force_n": np.arange(50.0)}
+    np.savez(tmp_path / "log.npz", **arrays)
+    recording = read_recording(tmp_path / "log.npz", mapping={"time": "stamp"})
+    time = whole + rest / 1e9
+    np.testing.assert_allclose(recording.time, time, rtol=0, atol=SINCE_1970)
+    assert "time from stamp_sec and stamp_nsec" in recording.notes[0]
+
+
 def test_arrays_of_other_lengths_are_left_aside_and_named(tmp_path):
     time, force = np.arange(50) / 100, np.arange(50.0)
     path = tmp_path / "log.npz"
