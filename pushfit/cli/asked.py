@@ -40,8 +40,7 @@ class Asked:
         typer.Option(help="The angle that pushes are to tell of."),
     ] = "theta_c"
     width: Annotated[
-        float,
-        typer.Option(metavar="DEG", help="Width that decides: 6 is ± 3 degrees."),
+        float, typer.Option(metavar="DEG", help="Width that decides: 6 is ± 3 degrees.")
     ] = 6.0
     budget: Annotated[int, typer.Option(min=1, help="Pushes that may be made.")] = 60
     sigma: Annotated[

@@ -100,11 +100,7 @@ def load_peaks(
         ConfigError: The schedules do not go with the recordings.
     """
     from pushfit.data.check import expect_kind
-    from pushfit.data.load import (
-        configured_peaks,
-        configured_recording,
-        reader_options,
-    )
+    from pushfit.data.load import configured_peaks, configured_recording, reader_options
     from pushfit.data.tables.merge import merge_tables
 
     if schedules and len(schedules) != len(recordings):

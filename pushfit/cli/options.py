@@ -59,8 +59,7 @@ OutFile = Annotated[
     ),
 ]
 PlotFile = Annotated[
-    Path | None,
-    typer.Option("--plot", metavar="FILE", help="Picture (png, svg, pdf)."),
+    Path | None, typer.Option("--plot", metavar="FILE", help="Picture (png, svg, pdf).")
 ]
 Engine = Annotated[
     Literal["auto", "sweep", "emcee"],

@@ -27,9 +27,7 @@ class ProgressLines:
     """Takes in how far the work is, and says it line by line."""
 
     def __init__(
-        self,
-        say: Callable[[str], None],
-        clock: Callable[[], float] = time.perf_counter,
+        self, say: Callable[[str], None], clock: Callable[[], float] = time.perf_counter
     ) -> None:
         """Start the clock."""
         self._say, self._clock, self._start = say, clock, clock()

@@ -13,13 +13,7 @@ from jaxtyping import Float
 from pushfit.errors import counted
 from pushfit.fit.assess.model_free import ROLLED
 from pushfit.fit.assess.reporting_rules import Pieces, is_trusted, pieces_for
-from pushfit.fit.results import (
-    FitStatus,
-    Identification,
-    Piece,
-    Quantity,
-    Verdict,
-)
+from pushfit.fit.results import FitStatus, Identification, Piece, Quantity, Verdict
 from pushfit.mechanics.registry import mechanics_named
 from pushfit.parameters import HALF_TURN
 from pushfit.report.strings import (
@@ -154,11 +148,7 @@ def _angle_answer(
         short = f"{number} ({interval})"
         sentence = f"{subject} is {number} ({prob} interval: {interval})."
     return AnswerText(
-        name=quantity.name,
-        values=values,
-        pieces=pieces,
-        short=short,
-        sentence=sentence,
+        name=quantity.name, values=values, pieces=pieces, short=short, sentence=sentence
     )
 
 

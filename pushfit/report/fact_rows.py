@@ -42,11 +42,7 @@ SEE_SET, UNQUOTED = "see set", "not quoted"
 SET_VERDICTS = frozenset({Verdict.ONE_SIDED, Verdict.SEVERAL_MODES})
 
 # Features that heights simulated from the posterior are compared in.
-PREDICTIVE = {
-    "scatter": "scatter",
-    "largest": "largest residual",
-    "pattern": "pattern",
-}
+PREDICTIVE = {"scatter": "scatter", "largest": "largest residual", "pattern": "pattern"}
 WORDS = {
     Verdict.LEARNED: "learned",
     Verdict.PARTLY: "partly learned",

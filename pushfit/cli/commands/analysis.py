@@ -14,12 +14,7 @@ import typer
 
 from pushfit.cli import options
 from pushfit.cli.background import aside
-from pushfit.cli.inputs import (
-    load_peaks,
-    load_table,
-    read_settings,
-    warn_of_unread,
-)
+from pushfit.cli.inputs import load_peaks, load_table, read_settings, warn_of_unread
 from pushfit.cli.output import refuse_picture, warn_of_missing
 from pushfit.cli.session import CommandSession
 from pushfit.cli.stop import say_kept

@@ -175,11 +175,7 @@ def explore(
             )
     journal = out.with_name(f"{out.name}.journal.jsonl")
     explorer = asked.explorer(
-        settings,
-        unit=sensor,
-        journal=journal,
-        seed=seed,
-        hand=made_by,
+        settings, unit=sensor, journal=journal, seed=seed, hand=made_by
     )
     say_kept(
         f"what was pushed is kept in {journal}; the same command goes on", once=journal

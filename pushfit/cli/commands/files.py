@@ -114,12 +114,7 @@ def peaks(
     from pushfit.data.tables.peak_table import write_table
 
     settings = read_settings(
-        layout,
-        **asdict(search),
-        exclude=exclude,
-        include=include,
-        begin=begin,
-        end=end,
+        layout, **asdict(search), exclude=exclude, include=include, begin=begin, end=end
     )
 
     if schedule is None:

@@ -15,13 +15,7 @@ from jaxtyping import Float
 
 from pushfit.cli.look.state import Look
 from pushfit.data.tables.traces import MAX_KEPT, ComponentTrace, envelope
-from pushfit.report.figures.components import (
-    JERK,
-    REST,
-    SHADE,
-    TOP,
-    left_out_samples,
-)
+from pushfit.report.figures.components import JERK, REST, SHADE, TOP, left_out_samples
 from pushfit.report.figures.recording import COMPONENT, LETTERS
 from pushfit.report.figures.style import BLACK, DATA, GREY, PURPLE, axis_label
 

@@ -366,9 +366,7 @@ def _differs(
 
 
 def _alignment(
-    case: Case,
-    hump: Int[np.ndarray, " n"],
-    other: Int[np.ndarray, " n"] | None = None,
+    case: Case, hump: Int[np.ndarray, " n"], other: Int[np.ndarray, " n"] | None = None
 ) -> Alignment:
     """An assignment with what follows from it."""
     return Alignment(

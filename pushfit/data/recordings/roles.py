@@ -13,13 +13,7 @@ from pushfit.data.recordings.recognise import ANGLES, RecordingColumns, if_in
 from pushfit.data.text.dialects import Layout
 from pushfit.data.text.faults import data_error, listed, problem
 from pushfit.data.text.layout_guess import Stamp, stamp_of
-from pushfit.data.units import (
-    UNITS,
-    Dimension,
-    Unit,
-    parse_unit,
-    split_unit,
-)
+from pushfit.data.units import UNITS, Dimension, Unit, parse_unit, split_unit
 from pushfit.errors import ConfigError, InputProblem, did_you_mean, stated
 
 # Names that no example should take for a signal.

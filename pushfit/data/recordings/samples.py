@@ -73,11 +73,7 @@ class Samples:
 
 
 def build_recording(
-    samples: Samples,
-    *,
-    theta_from: ThetaFrom,
-    gaps: Gaps,
-    trust_units: bool,
+    samples: Samples, *, theta_from: ThetaFrom, gaps: Gaps, trust_units: bool
 ) -> Recording:
     """Check samples, apply the gap policy, and convert to canonical units.
 
@@ -168,11 +164,7 @@ def _check_values(
             if may_be:
                 told += f", or {stated(trust_units=True)} if they are readings"
             findings.add(
-                "sentinel",
-                f"{text}; {told}",
-                at=int(rows[0]),
-                column=name,
-                value=found,
+                "sentinel", f"{text}; {told}", at=int(rows[0]), column=name, value=found
             )
             continue
         clause = implausible_signal(values, unit)

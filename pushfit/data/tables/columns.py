@@ -179,11 +179,7 @@ class Columns:
 
 
 def read_columns(
-    raw: pd.DataFrame,
-    known: Known,
-    origin: Origin,
-    *,
-    any_of: tuple[str, ...] = (),
+    raw: pd.DataFrame, known: Known, origin: Origin, *, any_of: tuple[str, ...] = ()
 ) -> Columns:
     """Recognise and convert the columns of a table of pushes.
 

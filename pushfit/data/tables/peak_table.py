@@ -18,12 +18,7 @@ from jaxtyping import Bool, Float, Int
 from pushfit.arguments import checked
 from pushfit.atomic import atomic_path, check_file
 from pushfit.data.tables.columns import Origin, is_parquet, no_parquet, read_rows
-from pushfit.data.tables.rules import (
-    CHANNELS,
-    EXCLUDING_FLAGS,
-    KNOWN,
-    canonical_frame,
-)
+from pushfit.data.tables.rules import CHANNELS, EXCLUDING_FLAGS, KNOWN, canonical_frame
 from pushfit.data.tables.traces import Trace
 from pushfit.data.text.files import Source, check_csv_name
 from pushfit.data.units import in_degrees

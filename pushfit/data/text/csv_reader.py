@@ -112,11 +112,7 @@ def _slow(body: Body, kinds: Mapping[int, Kind], missing: tuple[str, ...]) -> Sc
 
 
 def _parse(
-    body: Body,
-    *,
-    kinds: Mapping[int, Kind],
-    missing: tuple[str, ...],
-    n_rows: int,
+    body: Body, *, kinds: Mapping[int, Kind], missing: tuple[str, ...], n_rows: int
 ) -> dict[int, Shaped[np.ndarray, " n"]] | None:
     """Parse the rows by pandas; None if a cell is not what it must be."""
     columns = {

@@ -91,10 +91,7 @@ class Layout:
 
 
 def find_layout(
-    text: TextFile,
-    *,
-    format: Format = "auto",
-    columns: Sequence[str] = (),
+    text: TextFile, *, format: Format = "auto", columns: Sequence[str] = ()
 ) -> Layout:
     """Recognise the layout from the first lines.
 

@@ -17,10 +17,7 @@ from pushfit.data.grasp import is_calibrated, make_grasp
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import FitError
 from pushfit.explore.belief.belief import N_DRAWS, Belief, Question
-from pushfit.fit.assess.model_free import (
-    direction_disagreement,
-    model_free_direction,
-)
+from pushfit.fit.assess.model_free import direction_disagreement, model_free_direction
 from pushfit.fit.assess.verdicts import angle_quantity
 from pushfit.fit.assess.warnings import (
     INADEQUATE,
@@ -197,8 +194,7 @@ def _told_by_draws(
         missed = f"{wrong[0]} cannot be right"
     if missed is not None:
         yield ResultWarning(
-            code=INADEQUATE,
-            text=f"the model does not describe the heights: {missed}",
+            code=INADEQUATE, text=f"the model does not describe the heights: {missed}"
         )
     else:
         problem = drawn.setup.problem

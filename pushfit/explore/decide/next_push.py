@@ -206,12 +206,7 @@ def suggestion(
 
 
 def repetition(
-    belief: Belief,
-    survey: Survey,
-    push: ToldPush,
-    *,
-    target: AskedAngle,
-    exactly: bool,
+    belief: Belief, survey: Survey, push: ToldPush, *, target: AskedAngle, exactly: bool
 ) -> Suggestion:
     """A push made once more, to see whether it gives the same.
 

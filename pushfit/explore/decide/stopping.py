@@ -20,14 +20,7 @@ from pushfit.explore.decide.forecast import UNLIMITED, imagine, p_decided
 from pushfit.explore.decide.intervals import AskedAngle, shortest_interval
 from pushfit.explore.decide.next_push import FORCE, Survey
 from pushfit.explore.limits import Limits
-from pushfit.explore.records import (
-    FINDINGS,
-    Answer,
-    Interval,
-    Purpose,
-    State,
-    ToldPush,
-)
+from pushfit.explore.records import FINDINGS, Answer, Interval, Purpose, State, ToldPush
 from pushfit.parameters import ANGLES
 
 # Without a word on the noise an interval may be narrow by chance, and misses as one

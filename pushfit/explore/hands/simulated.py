@@ -79,10 +79,7 @@ class SimulatedHand:
         self.is_extended = True
         self._parts.append(part)
         return PushOutcome(
-            status=status,
-            reached=share * displacement,
-            t_start=t_start,
-            t_end=t_end,
+            status=status, reached=share * displacement, t_start=t_start, t_end=t_end
         )
 
     def pass_by(self, n: int, *, rest: float) -> None:

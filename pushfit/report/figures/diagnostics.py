@@ -209,10 +209,7 @@ def study_figure(study: "CoverageStudy") -> "Figure":
 
 @styled
 def coverage_figure(
-    points: Mapping[str, Sequence[Point]],
-    *,
-    n_tables: int,
-    ax: "Axes | None" = None,
+    points: Mapping[str, Sequence[Point]], *, n_tables: int, ax: "Axes | None" = None
 ) -> "Figure":
     """Draw measured coverage with its limits, a group for each claim.
 

@@ -250,11 +250,7 @@ def draw_ellipses(
     for value in np.radians(alpha_star.estimates if alpha_star else ()):
         ends = reach * np.array([-1.0, 1.0])
         axes.plot(
-            ends * np.cos(value),
-            ends * np.sin(value),
-            color=BLACK,
-            lw=1.1,
-            ls=DASHED,
+            ends * np.cos(value), ends * np.sin(value), color=BLACK, lw=1.1, ls=DASHED
         )
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
     label = drawable(unit_label(unit))

@@ -125,9 +125,7 @@ def plot(
 
 
 def figure_files(
-    identification: Identification,
-    *,
-    is_wanted: Callable[[str, str], bool],
+    identification: Identification, *, is_wanted: Callable[[str, str], bool]
 ) -> dict[str, bytes]:
     """Content of the files of all figures by name, "main.png" and so on.
 

@@ -211,9 +211,7 @@ def main_figure(
     return figure
 
 
-def sweep_makers(
-    identification: Identification,
-) -> dict[str, Callable[..., "Figure"]]:
+def sweep_makers(identification: Identification) -> dict[str, Callable[..., "Figure"]]:
     """What draws heights against each angle that was swept, by the name of the file."""
     makers, table = {}, identification.table
     draw = {"theta": theta_figure, "alpha": alpha_figure}

@@ -10,14 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float, Shaped
 
-from pushfit.report.figures.style import (
-    DATA,
-    PALE,
-    PRIOR,
-    sheet,
-    styled,
-    symbol_label,
-)
+from pushfit.report.figures.style import DATA, PALE, PRIOR, sheet, styled, symbol_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

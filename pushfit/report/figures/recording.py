@@ -255,10 +255,7 @@ def _row_edges(
 
 
 def signal_figure(
-    trace: Trace,
-    table: PeakTable | Heights,
-    *,
-    fig: "Figure | SubFigure | None" = None,
+    trace: Trace, table: PeakTable | Heights, *, fig: "Figure | SubFigure | None" = None
 ) -> "Figure":
     """A recording as the table keeps it, with the pushes that were taken from it.
 

@@ -188,10 +188,7 @@ def _fit(identification: Identification) -> DatasetParts:
             "predicted": ("datum", fit.predicted),
             "row": ("datum", np.array(fit.row, dtype=int)),
         },
-        coords={
-            "coordinate": list(fit.names),
-            "datum": list(fit.channel),
-        },
+        coords={"coordinate": list(fit.names), "datum": list(fit.channel)},
     )
 
 

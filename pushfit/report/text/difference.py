@@ -14,12 +14,7 @@ from pushfit.fit.assess.reporting_rules import is_trusted
 from pushfit.fit.results import Identification, Quantity, Verdict
 from pushfit.mechanics.registry import mechanics_named
 from pushfit.parameters import HALF_TURN
-from pushfit.report.fact_rows import (
-    UNQUOTED,
-    is_withheld,
-    quantity_cells,
-    verdict_word,
-)
+from pushfit.report.fact_rows import UNQUOTED, is_withheld, quantity_cells, verdict_word
 from pushfit.report.json_values import Json, json_safe
 from pushfit.report.strings import (
     format_number,
