@@ -231,17 +231,16 @@ def _model_free_remark(identification: Identification) -> str:
     free = identification.alpha_star_model_free
     if free is None or free.estimate is None:
         return ""
+    said = "A cosine through the heights alone"
     is_bare = quantity.estimate is not None and quantity.interval is None
     if free.interval is None or is_bare:
-        number = format_angle(free.estimate)
-        return f"A cosine through the heights alone gives {number}."
+        return f"{said} gives {format_angle(free.estimate)}."
     low, high = free.interval
     spread = high - low
     number = format_angle(free.estimate, spread=spread)
-    words = format_range(low, high, "deg", is_axis=reach.is_whole)
-    number += f" ({words})"
+    number += f" ({format_range(low, high, 'deg', is_axis=reach.is_whole)})"
     if quantity.estimate is None or quantity.interval is None:
-        return f"A cosine through the heights alone gives {number}."
+        return f"{said} gives {number}."
     gap = abs(free.estimate - quantity.estimate) % HALF_TURN
     gap = min(gap, HALF_TURN - gap)
     # Half the sum of the widths: the intervals just touch.
@@ -249,7 +248,7 @@ def _model_free_remark(identification: Identification) -> str:
     word = "agrees" if gap <= touching else "disagrees"
     if any(warning.code == ROLLED for warning in identification.warnings):
         word = "differs, as pushes that roll meet most resistance along α*"
-    return f"A cosine through the heights alone {word}: {number}."
+    return f"{said} {word}: {number}."
 
 
 def _with_remarks(answer: AnswerText, remarks: list[str]) -> AnswerText:

@@ -21,7 +21,6 @@ from pushfit.errors import ConfigError, DataError, FitError, placed_in
 from pushfit.report.store.output_folder import PARTS
 
 if TYPE_CHECKING:
-    from pushfit.config import GraspConfig
     from pushfit.explore.explorer import Explorer
     from pushfit.explore.hands.protocol import Hand
     from pushfit.explore.loop import Step
@@ -187,14 +186,7 @@ def explore(
     if simulated is not None:
         simulated.pass_by(known.n_made, rest=explorer.limits.rest_s)
     return _run(
-        session,
-        explorer,
-        finger,
-        settings=settings,
-        journal=journal,
-        out=out,
-        json=json,
-        force=force,
+        session, explorer, finger, journal=journal, out=out, json=json, force=force
     )
 
 
@@ -203,7 +195,6 @@ def _run(
     explorer: "Explorer",
     finger: "Hand",
     *,
-    settings: "GraspConfig",
     journal: Path,
     out: Path,
     json: bool,
@@ -224,11 +215,10 @@ def _run(
     from pushfit.report.store.summary import summary_dict
     from pushfit.report.text.exploration import ADAPTIVE, state_dict
 
-    peaks = settings.peaks
+    settings = explorer.question.settings
     with watched(session) as watch:
-        state = run(explorer, finger, settings=peaks, watch=watch)
-    table = explorer.table
-    history = explorer.history
+        state = run(explorer, finger, settings=settings.peaks, watch=watch)
+    table, history = explorer.table, explorer.history
     if table is None:
         again = (
             "put it right, and the same command goes on; for other limits remove "
@@ -243,7 +233,7 @@ def _run(
         )
     if json:
         session.say(state.sentence, style="bold")
-    found = identify_table(table, explorer.question.settings, seed=explorer.judge.seed)
+    found = identify_table(table, settings, seed=explorer.judge.seed)
     found = replace(with_next_push(found), warnings=(*found.warnings, ADAPTIVE))
     picture = figure_bytes(exploration_picture(explorer), "png")
     write_result_folder(
@@ -253,7 +243,7 @@ def _run(
         extra={
             JOURNAL: journal.read_bytes(),
             EXPLORATION: picture,
-            SETTINGS: template(explorer.question.settings).encode(),
+            SETTINGS: template(settings).encode(),
         },
     )
     session.wrote(out)

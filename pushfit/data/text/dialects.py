@@ -20,7 +20,7 @@ from pushfit.data.text.layout_guess import (
     uncommented,
 )
 from pushfit.data.text.textfile import TextFile
-from pushfit.errors import ConfigError, InputProblem
+from pushfit.errors import ConfigError
 
 # What a layout is found by, however long the file: preamble, header, first rows. Of
 # wide rows 200 lines are a quarter of a megabyte.
@@ -121,9 +121,7 @@ def find_layout(
         )
     header = "" if guess.header is None else uncommented(lines[guess.header])
     names, notes = _clean_names(columns or split_line(header, guess.delimiter))
-    doubled = _doubled_names(names, text.path, guess.header)
-    if doubled:
-        raise data_error(doubled)
+    _refuse_doubled(names, text.path, guess.header)
     preamble = lines[: guess.header or 0]
     is_log = bool(preamble) and preamble[0].startswith(_LOG)
     unit_row = _log_units(preamble, names) if is_log else _unit_row(lines, guess)
@@ -236,10 +234,8 @@ def _clean_names(cells: Sequence[str]) -> tuple[tuple[str, ...], list[str]]:
     return names, notes
 
 
-def _doubled_names(
-    names: tuple[str, ...], path: str, header: int | None
-) -> list[InputProblem]:
-    """Find names that differ only in case or blanks, or by pandas' `.1`."""
+def _refuse_doubled(names: tuple[str, ...], path: str, header: int | None) -> None:
+    """Refuse names that differ only in case or blanks, or by pandas' `.1`."""
     seen: dict[str, str] = {}
     problems = []
     for name in filter(None, names):
@@ -258,7 +254,8 @@ def _doubled_names(
                 )
             )
         seen.setdefault(key, name)
-    return problems
+    if problems:
+        raise data_error(problems)
 
 
 def _writer(

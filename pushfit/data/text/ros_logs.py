@@ -57,7 +57,7 @@ _LIST = re.compile(
 )
 # A line of a message, and what may stand in it.
 _LINE = re.compile(
-    r"(?P<indent> *)(?P<dash>-(?:\s+|$))?(?:(?P<key>[A-Za-z_]\w*):\s*)?"
+    rf"(?P<indent> *)(?P<dash>-(?:\s+|$))?(?:(?P<key>{_NAME}):\s*)?"
     r"(?P<value>.*?)\s*$"
 )
 _HELD = re.compile(rf"(?:\[.*\]|{VALUE})?")
