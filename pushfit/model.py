@@ -10,6 +10,8 @@ References:
     Eq. (n) is equation n of He & Zhang (2014), doi:10.1007/s11432-014-5216-3.
 """
 
+import numpy as np
+
 from pushfit.arguments import checked
 from pushfit.mechanics.containers import Channels as Channels
 from pushfit.mechanics.containers import Contact as Contact
@@ -26,6 +28,7 @@ from pushfit.mechanics.containers import support_stiffness as support_stiffness
 from pushfit.mechanics.containers import tangential_stiffness as tangential_stiffness
 from pushfit.mechanics.containers import unit_vector as unit_vector
 from pushfit.mechanics.numerics import norm2
+from pushfit.mechanics.ranges import check_together
 
 
 def forces(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) -> Forces:
@@ -60,6 +63,10 @@ def forward(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) -> Chann
     Returns:
         Heights of every push [sensor units], and whether the finger stays in contact.
 
+    Raises:
+        ConfigError: Arrays of other lengths than the pushes, as draws of parameters,
+            which `jax.vmap` takes (`input_shape`).
+
     Examples:
         >>> import numpy as np
         >>> springs = {"K_sn": 600, "K_dn": 300, "K_st": 400}  # A = 200 N/m
@@ -71,6 +78,9 @@ def forward(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) -> Chann
     References:
         Eqs. (12)-(14).
     """
+    numbers = {**vars(params), **vars(grasp)}
+    arrays = {name: own for name, own in numbers.items() if np.ndim(own)}
+    check_together("forward", theta=pushes.theta, **arrays)
     force = forces(params, pushes, grasp)
     tangential = norm2(force.tangential_x, force.tangential_y)
     magnitude = norm2(tangential, force.normal)

@@ -17,6 +17,7 @@ from pushfit.mechanics.ranges import check_numbers, check_together
 
 FRAME = pd.DataFrame({"theta_deg": [30.0], "alpha_deg": [0.0], "height_n": [2.0]})
 PARAMS = pushfit.Parameters(K_sn=600, K_dn=300, K_st=400, C_rr=0.5, C_d=0.25, L=0.025)
+LONG_AND_SHORT = pushfit.Grasp(push_length=np.array([1e-3, 2e-3, 5e-3]))
 GRASP = pushfit.Grasp(push_length=5e-3)
 SIMULATE = partial(
     pushfit.simulate_table,
@@ -142,6 +143,12 @@ RNG = np.random.default_rng(0)
         (
             lambda: pushfit.Pushes(np.zeros(2), np.zeros(3)),
             ("Pushes: shapes theta of (2,) and alpha of (3,) do not go together",),
+        ),
+        (
+            lambda: pushfit.forward(
+                PARAMS, pushfit.Pushes(np.zeros(2), 0.0), LONG_AND_SHORT
+            ),
+            ("forward: shapes theta of (2,) and push_length of (3,)", "one for all"),
         ),
         (
             lambda: check_together("plan", theta=0.0, a=np.ones(2), b=np.ones(3)),

@@ -182,8 +182,10 @@ def open_text(path: str | Path, *, encoding: str | None = None) -> TextFile:
     """
     given = existing_file(path)
     if Path(given).is_dir():
+        inside = sorted(map(str, Path(given).glob("*.csv")))
+        such = f", such as {inside[0]}" if inside else ""
         raise ConfigError(
-            f"{given}: is a folder; name the files in it", code="is_a_folder"
+            f"{given}: is a folder; name the files in it{such}", code="is_a_folder"
         )
     stamp = FileStamp.of(given)
     with open(given, "rb") as file:

@@ -12,7 +12,7 @@ from pushfit.config.rivals import NOISES
 from pushfit.fit.comparison import Comparison, ModelScore
 from pushfit.fit.results import FitStatus
 from pushfit.report.json_values import Json, json_safe
-from pushfit.report.strings import join_and
+from pushfit.report.strings import format_number, join_and
 
 SCHEMA = "pushfit.compare/1"
 # Columns of a terminal.
@@ -171,7 +171,7 @@ def _odds(log_bayes_factor: float | None) -> str:
     """Odds against a model from its log Bayes factor."""
     exponent = -(log_bayes_factor or 0.0) / math.log(10)
     if exponent < math.log10(PLAIN_FACTOR):
-        return f"{10**exponent:.3g} to 1"
+        return f"{format_number(10**exponent)} to 1"
     return f"10^{exponent:.0f} to 1"
 
 

@@ -45,6 +45,13 @@ def test_a_single_best_model_is_favoured():
     assert "favour hard, and speak against" in second
 
 
+def test_odds_of_thousands_are_whole_numbers():
+    """e^8 = 2981, e^9.3 = 10938."""
+    first, _ = comparison_sentences(make_comparison(evidence=(10.0, 2.0, 0.7)))
+    assert "soft (p = 8) (2980 to 1)" in first
+    assert "no rolling (10^4 to 1)" in first
+
+
 def test_without_evidence_the_reason_is_given_by_name():
     found = make_comparison(evidence=None)
     first, *rest = comparison_sentences(found)
