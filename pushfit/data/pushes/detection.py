@@ -247,13 +247,11 @@ def _are_long(
 ) -> Bool[np.ndarray, " p"]:
     """Whether each is far longer than the whole pushes, or most of the signal.
 
-    By twice its width where that is less: it may have begun on a grip.
-
     Args:
         is_other: Which of them are no whole pushes.
     """
     length = feet.end - feet.start
-    whole, length = length[~is_other], np.minimum(length, 2 * feet.width)
+    whole = length[~is_other]
     duration = float(time[-1] - time[0])
     return length > (_CUT_LENGTHS * whole.max() if whole.size else _MAX_CUT * duration)
 

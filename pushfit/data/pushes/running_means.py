@@ -25,21 +25,16 @@ _SAMPLES = 100_000
 class RunningMeans:
     """A signal by the integral of the straight lines between its samples.
 
-    Before them it is as the first one, and after them as the last.
-
     Args:
         time: Sample times, or some of them [s].
         integral: Of the signal less `level`, up to each of them.
-        level: The first sample. What the integral is over, so that little is lost to
-            rounding.
-        rise: Of the last sample over it.
+        level: What the integral is over, so that little is lost to rounding.
         step: Median sampling step [s].
     """
 
     time: Float[np.ndarray, " n"]
     integral: Float[np.ndarray, " n"]
     level: float
-    rise: float
     step: float
 
     @classmethod
@@ -60,8 +55,7 @@ class RunningMeans:
             up_to = np.cumsum(areas, out=integral[first + 1 :][: len(areas)])
             total = float(up_to[-1])
         step = float(np.median(np.diff(time[: 1 + _SAMPLES])))
-        rise = float(signal[-1]) - level
-        return cls(time=time, integral=integral, level=level, rise=rise, step=step)
+        return cls(time=time, integral=integral, level=level, step=step)
 
     def thinned(self, stride: int) -> "RunningMeans":
         """The same, known at every `stride`-th of its times."""
@@ -103,8 +97,7 @@ class RunningMeans:
 
     def _up_to(self, when: Float[np.ndarray, "*m"]) -> Float[np.ndarray, "*m"]:
         """Integral up to some times."""
-        beyond = np.maximum(when - self.time[-1], 0.0)
-        return np.interp(when, self.time, self.integral) + self.rise * beyond
+        return np.interp(when, self.time, self.integral)
 
 
 @dataclass(frozen=True, kw_only=True)
