@@ -211,12 +211,11 @@ def outlook(
 def _plain(joint: Joint) -> Float[np.ndarray, " k"]:
     """Mutual information of label and reading, as if the table were exact [nat]."""
     table = joint.table
-    reading = by_reading(table)
     return (
         _whole(_entropy(table))
         - _whole(_entropy(by_label(table)))
-        - _whole(_entropy(reading))
-    ) / _whole(reading)
+        - _whole(_entropy(by_reading(table)))
+    )
 
 
 def _whole(table: Float[np.ndarray, "k ..."]) -> Float[np.ndarray, " k"]:

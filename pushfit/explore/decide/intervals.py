@@ -42,7 +42,7 @@ def shortest_interval(
         Lower and upper end [deg]; of an axis the lower lies in [0, 180) and the upper
         may exceed 180. None where no interval has that much weight.
     """
-    known = np.isfinite(target.values) & (weights > 0)
+    known = np.isfinite(target.values)
     values, weights = target.values[known], weights[known]
     if weights.sum() < target.prob:
         return None

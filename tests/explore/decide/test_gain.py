@@ -1,5 +1,7 @@
 """Gain against brute force, and what has to be zero."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import trapezoid
@@ -19,6 +21,10 @@ CORRECTION = 2 / 4096
 SHORTEST = 0.05
 # Bins of the reading are noise of their own: 2.4 % off where it errs by a tenth.
 BLURRED = 0.03
+# Of sums in single precision, in another order or of numbers that round differently.
+SINGLE = 1e-5
+# Readings that are left out as negligible.
+TAILS = 1e-3
 
 THETA = np.radians(np.arange(5.0, 90.0, 10.0))
 N_INNER, N_OUTER = 20_000, 500
@@ -94,14 +100,22 @@ def test_gain_is_that_of_brute_force(channels):
             assert abs(gains[angle][k] - expected) < GAIN_ATOL + 3 * error, angle
 
 
-@pytest.mark.parametrize("ratio", [0.1, 0.5, 2.0])
-def test_gain_of_gaussian_readings_is_that_of_quadrature(ratio):
-    """The label is a sixteenth of a normal angle, read with noise of `ratio` sd.
+def gain_by_quadrature(ratio):
+    """About a sixteenth of a normal angle, read with noise of `ratio` sd.
 
     Given the reading y, the angle is normal with mean y / (1 + r²) and variance
-    r² / (1 + r²). Part of the noise is what else differs from draw to draw, and two
-    channels read the angle with noise of r √2 each.
+    r² / (1 + r²).
     """
+    ends = norm.ppf(np.linspace(0, 1, N_LABELS + 1))
+    y = np.linspace(-6, 6, 4001)[:, None] * np.sqrt(1 + ratio**2)
+    p = np.diff(norm.cdf((ends - y / (1 + ratio**2)) * np.sqrt(1 + ratio**2) / ratio))
+    density = norm.pdf(y[:, 0], scale=np.sqrt(1 + ratio**2))
+    return np.log(N_LABELS) - trapezoid(density * entr(p).sum(axis=1), y[:, 0])
+
+
+@pytest.mark.parametrize("ratio", [0.1, 0.5, 2.0])
+def test_gain_of_gaussian_readings_is_that_of_quadrature(ratio):
+    """Part of the noise is what else differs, and two channels have r √2 each."""
     rng = np.random.default_rng(9)
     angle, other = rng.standard_normal((2, N_DRAWS))
     weights = np.full(N_DRAWS, 1 / N_DRAWS)
@@ -109,14 +123,64 @@ def test_gain_of_gaussian_readings_is_that_of_quadrature(ratio):
     blurred = np.stack([angle + half * other, np.zeros(N_DRAWS)])
     twice = np.stack([angle, -3 * angle])
     sigmas = [half, 1.0], [np.sqrt(2) * ratio, 3 * np.sqrt(2) * ratio]
-    ends = norm.ppf(np.linspace(0, 1, N_LABELS + 1))
-    y = np.linspace(-6, 6, 4001)[:, None] * np.sqrt(1 + ratio**2)
-    p = np.diff(norm.cdf((ends - y / (1 + ratio**2)) * np.sqrt(1 + ratio**2) / ratio))
-    density = norm.pdf(y[:, 0], scale=np.sqrt(1 + ratio**2))
-    expected = np.log(N_LABELS) - trapezoid(density * entr(p).sum(axis=1), y[:, 0])
     for heights, sigma in zip((blurred, twice), sigmas, strict=True):
         found = information_gain(heights[None], [angle], weights, sigma=np.array(sigma))
+        expected = gain_by_quadrature(ratio)
         np.testing.assert_allclose(found[0], expected, rtol=BLURRED)
+
+
+def test_gain_by_weighted_draws_is_that_of_quadrature():
+    """A second channel tells improbable draws apart, and those alone."""
+    rng = np.random.default_rng(10)
+    angle = 2 * rng.standard_normal(N_DRAWS)
+    weights = norm.pdf(angle) / norm.pdf(angle, scale=2)
+    improbable = 40 * np.maximum(np.abs(angle) - 4, 0)
+    found = information_gain(
+        np.stack([angle, improbable])[None],
+        [angle],
+        weights / weights.sum(),
+        sigma=np.array([0.1, 1.0]),
+    )
+    np.testing.assert_allclose(found[0], gain_by_quadrature(0.1), rtol=BLURRED)
+
+
+def test_an_angle_is_parted_into_bins_of_equal_weight():
+    rng = np.random.default_rng(11)
+    order = rng.permutation(96)
+    values = np.concatenate([rng.uniform(0, 90, 64), np.full(32, np.nan)])[order]
+    found = labels(values, np.full(96, 1 / 96))
+    np.testing.assert_array_equal(np.bincount(found), [*[4] * N_LABELS, 32])
+    assert np.all(np.isnan(values[found == N_LABELS]))
+    weights = rng.dirichlet(np.ones(96))
+    shares = np.bincount(labels(values, weights), weights)
+    known = 1 - shares[N_LABELS]
+    assert np.all(np.abs(shares[:N_LABELS] - known / N_LABELS) < weights.max())
+
+
+def test_equal_angles_are_told_apart_by_no_reading():
+    """Of two, also where half of all draws share one."""
+    values = np.repeat([10.0, 20.0], 2048)
+    heights = np.arange(4096.0)[None, None] % 2048
+    gain = information_gain(
+        heights, [values], np.full(4096, 1 / 4096), sigma=np.array([1.0])
+    )
+    assert gain[0] < CORRECTION
+
+
+def test_no_gain_is_below_zero_or_makes_that_of_another_angle_smaller():
+    """Without the bias, half of the gains of readings that know nothing come below."""
+    rng = np.random.default_rng(12)
+    unfelt, heights = rng.standard_normal(1024), rng.standard_normal((40, 1, 1024))
+    felt = heights[0, 0]
+    weights, sigma = np.full(1024, 1 / 1024), np.array([1.0])
+    nothing, some, both = (
+        information_gain(heights, angles, weights, sigma=sigma)
+        for angles in ([unfelt], [felt], [unfelt, felt])
+    )
+    assert nothing.min() == 0.0
+    assert 10 < np.count_nonzero(nothing) < 30
+    assert some[0] > 0.3 > 10 * nothing.max()
+    np.testing.assert_allclose(both, nothing + some, rtol=SINGLE, atol=SINGLE)
 
 
 def test_gain_is_zero_where_nothing_can_be_felt():
@@ -153,7 +217,7 @@ def test_gain_of_a_perfect_reading_is_the_entropy_of_the_label():
     np.testing.assert_allclose(gain, np.log(4), atol=CORRECTION)
 
 
-def test_gain_does_not_depend_on_the_unit():
+def test_gain_does_not_depend_on_unit_or_zero_of_the_sensor():
     rng = np.random.default_rng(7)
     heights = rng.standard_normal((2, 2, 512))
     values = heights[0, 0] + rng.standard_normal(512)
@@ -163,6 +227,10 @@ def test_gain_does_not_depend_on_the_unit():
         1000 * heights, [values], weights, sigma=np.array([300.0, 100.0])
     )
     np.testing.assert_allclose(newton, counts, rtol=ROUTES)
+    raised = information_gain(
+        heights + 1e6, [values], weights, sigma=np.array([0.3, 0.1])
+    )
+    np.testing.assert_allclose(raised, newton, rtol=SINGLE)
 
 
 def test_outlook_of_gaussian_belief_is_that_of_the_linear_formula():
@@ -174,3 +242,49 @@ def test_outlook_of_gaussian_belief_is_that_of_the_linear_formula():
     found = outlook(values[None], target, weights=weights, sigma=np.array([4.0]))
     np.testing.assert_allclose(found.expected_width, 2 * 1.645 * 2.4, rtol=SHORTEST)
     assert found.p_decided > 0.9
+
+
+def test_outlook_is_the_mean_over_what_readings_may_leave():
+    """Four fifths of the draws leave 5°, and the others, which a reading tells, 80°."""
+    near, far = np.linspace(40.0, 45.0, 4000), np.linspace(0.0, 80.0, 1000)
+    impossible = np.full(10, 1e6)
+    values = np.concatenate([near, far, impossible])
+    heights = np.repeat([0.0, 12.0, 50.0], [4000, 1000, 10])[None]
+    weights = np.where(values < 1e6, 1 / 5000, 0.0)
+    target = AskedAngle(values=values, is_axis=False, width=9.0, prob=0.9)
+    given = {"weights": weights, "sigma": np.array([1.0])}
+    found = outlook(heights, target, **given)
+    expected = 0.9 * (0.8 * 5 + 0.2 * 80)
+    np.testing.assert_allclose(found.expected_width, expected, rtol=SHORTEST)
+    np.testing.assert_allclose(found.p_decided, 0.8, rtol=TAILS)
+    # Where the others have no angle, their reading leaves no interval.
+    nowhere = replace(target, values=np.where(heights[0] == 12.0, np.nan, values))
+    none = outlook(heights, nowhere, **given)
+    assert none.expected_width == np.inf
+    np.testing.assert_allclose(none.p_decided, 0.8, rtol=TAILS)
+
+
+def test_outlook_of_an_axis_has_no_ends():
+    rng = np.random.default_rng(13)
+    values = 90 + 5 * rng.standard_normal(N_DRAWS)
+    weights = np.full(N_DRAWS, 1 / N_DRAWS)
+    middle, end = (
+        outlook(
+            values[None],
+            AskedAngle(values=turned, is_axis=True, width=14.0, prob=0.9),
+            weights=weights,
+            sigma=np.array([5.0]),
+        )
+        for turned in (values, np.mod(values + 90, 180))
+    )
+    np.testing.assert_allclose(end.expected_width, middle.expected_width, rtol=SINGLE)
+    assert middle.expected_width < 14.0
+
+
+def test_an_angle_of_one_value_is_decided():
+    values = np.full(100, 45.0)
+    target = AskedAngle(values=values, is_axis=False, width=1e-3, prob=0.9)
+    heights, weights = np.linspace(0, 1, 100)[None], np.full(100, 0.01)
+    found = outlook(heights, target, weights=weights, sigma=np.array([0.1]))
+    assert found.expected_width <= 1e-3
+    np.testing.assert_allclose(found.p_decided, 1.0, rtol=SINGLE)
