@@ -139,7 +139,7 @@ def test_gain_by_weighted_draws_is_that_of_quadrature():
         np.stack([angle, improbable])[None],
         [angle],
         weights / weights.sum(),
-        sigma=np.array([0.1, 1.0]),
+        sigma=np.array([0.1, 0.1]),
     )
     np.testing.assert_allclose(found[0], gain_by_quadrature(0.1), rtol=BLURRED)
 
