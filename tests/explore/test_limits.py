@@ -15,6 +15,7 @@ from pushfit.explore.limits import Limits, tip_displacement
 from pushfit.explore.loop import explore
 from tests.explore.test_loop import hand
 from tests.explore.worlds import COMPONENTS, CONFIG, SIGMA, feel, importance
+from tests.tolerances import EXACT
 
 # What sums and products of floats may add to a limit [deg], [mm], [s]; relative, to a
 # length.
@@ -163,6 +164,8 @@ def test_limits_of_the_file_hold_where_no_others_are_given():
         rest_s=0.7, max_pushes=7, workspace_mm=box, theta_deg=(-9.0, 60.0)
     )
     assert Explorer(config, source=importance, limits=Limits()).limits == Limits()
+    # What is stated by an option is stated later.
+    assert Limits.of(config, rest_s=0.9, force=3.0).rest_s == 0.9
 
 
 @pytest.mark.parametrize(
@@ -196,3 +199,84 @@ def test_pushes_stay_in_the_box_and_within_reach(theta_deg, alpha_deg, is_allowe
     theta, alpha = np.radians([theta_deg, alpha_deg])
     found = limits.allow(theta, alpha, length=0.005, azimuths=(0.0, np.pi))
     assert found is is_allowed
+
+
+def directions(limits, settings=CONFIG):
+    """Elevations and azimuths of the candidates [deg], the limits' own azimuths."""
+    azimuths = limits.azimuths(settings)
+    found = limits.candidates(azimuths=azimuths, reference_alpha=0.0)
+    # Whatever rounding makes of them, they are within reach.
+    assert np.all(limits.reach(found, azimuths=azimuths))
+    theta, alpha = np.degrees(found).T
+    return np.unique(theta.round(9)), np.unique(alpha.round(9))
+
+
+@pytest.mark.parametrize(
+    ("stated", "theta", "alpha"),
+    [
+        # Both ends, also where steps round down to one fewer.
+        (
+            {"theta_deg": (0.0, 0.3), "theta_step_deg": 0.1, "alpha_deg": (0.0, 0.0)},
+            [0.0, 0.1, 0.2, 0.3],
+            [0.0],
+        ),
+        (
+            {"theta_deg": (7.0, 23.0), "alpha_deg": (-30.0, 60.0)},
+            [7.0, 12.0, 17.0, 22.0],
+            [-30.0, 0.0, 30.0, 60.0],
+        ),
+        ({"theta_deg": (7.0, 7.0), "alpha_deg": (80.0, 90.0)}, [7.0], [80.0, 90.0]),
+        # 0° and 180° are one axis; a whole turn has each of them once.
+        (
+            {"theta_deg": (7.0, 7.0), "alpha_deg": (0.0, 180.0)},
+            [7.0],
+            [0.0, 30.0, 60.0, 90.0, 120.0, 150.0],
+        ),
+        (
+            {"theta_deg": (7.0, 7.0), "alpha_deg": (-90.0, 270.0)},
+            [7.0],
+            [-90.0, -60.0, -30.0, 0.0, 30.0, 60.0],
+        ),
+    ],
+)
+def test_candidates_are_every_direction_once(stated, theta, alpha):
+    steps = {"theta_step_deg": 5.0, "alpha_step_deg": 30.0}
+    found = directions(Limits(**(steps | stated)))
+    np.testing.assert_allclose(found[0], theta, rtol=EXACT)
+    np.testing.assert_allclose(found[1], alpha, rtol=EXACT)
+
+
+@pytest.mark.parametrize(
+    ("alpha_deg", "stated", "expected"),
+    [
+        (None, None, 90.0),
+        (None, 20.0, 20.0),
+        ((0.0, 60.0), None, 30.0),
+        ((80.0, 360.0), None, 90.0),
+    ],
+)
+def test_before_a_push_theta_c_is_asked_across_the_supports(
+    alpha_deg, stated, expected
+):
+    """Or as near to it as the middle of a reach that they are not in."""
+    settings = CONFIG.with_keys("grasp", reference_alpha_deg=stated)
+    found = Limits(alpha_deg=alpha_deg).first_azimuth(settings)
+    np.testing.assert_allclose(np.degrees(found), expected, rtol=EXACT)
+    from_file = CONFIG.with_keys("reach", alpha_deg=(0.0, 40.0))
+    np.testing.assert_allclose(Limits().first_azimuth(from_file), np.pi / 9, rtol=EXACT)
+
+
+def test_an_azimuth_is_reached_a_turn_further():
+    turns = 2 * np.pi * np.array([-1, 0, 1])
+    azimuths = float(np.radians(-30.0)), float(np.radians(40.0))
+    for alpha_deg, is_reached in ((-30.0, True), (40.0, True), (41.0, False)):
+        pushes = np.stack([np.full(3, 0.5), np.radians(alpha_deg) + turns], axis=1)
+        assert np.all(Limits().reach(pushes, azimuths=azimuths) == is_reached)
+
+
+def test_a_box_has_two_sides():
+    limits = Limits(workspace_mm=((-2.0, 2.0), (-1.0, 3.0), (0.0, 4.5)))
+    across = np.array([[0.5, np.pi / 2], [0.5, -np.pi / 2]])
+    # 5 mm cos 0.5 = 4.4 mm, and half of that.
+    assert list(limits.holds(across, length=0.0025)) == [True, False]
+    assert not np.any(limits.holds(across, length=0.005))
