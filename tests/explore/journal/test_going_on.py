@@ -135,11 +135,27 @@ def test_killed_at_any_line_the_same_pushes_follow(tmp_path, cut, step):
         assert failed == (["interrupted"] if was_moving else [])
 
 
-def test_a_journal_of_another_question_is_refused(tmp_path):
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"width_deg": 3.0}, "width_deg = 9.0, not 3.0"),
+        ({"ask": "alpha_star"}, r'ask = \["theta_c"\], not \["alpha_star"\]'),
+        ({"prob": 0.5}, "prob = 0.9, not 0.5"),
+        ({"seed": 1}, "seed = 0, not 1"),
+        ({"sigma": 1.0}, f"sigma = {SIGMA}, not 1.0"),
+        ({"sigma": None}, f"sigma = {SIGMA}, not null"),
+        ({"channels": ("height",)}, r'channels = .*, not \["height"\]'),
+        ({"unit": "kpa"}, 'unit = "n", not "kpa"'),
+        ({"limits": Limits(force=3.0)}, r"limits\.force = null, not 3.0"),
+    ],
+)
+def test_a_journal_of_another_question_is_refused(tmp_path, changes, said):
     path = tmp_path / "run.jsonl"
     explorer(journal=path)
-    with pytest.raises(ConfigError, match=r"width_deg = 9.0, not 3.0"):
-        explorer(journal=path, width_deg=3.0)
+    with pytest.raises(ConfigError, match=f"was begun with {said};"):
+        explorer(journal=path, **changes)
+    # It is left as it was.
+    explorer(journal=path)
 
 
 def test_a_journal_of_other_settings_is_refused_by_their_keys(tmp_path):
