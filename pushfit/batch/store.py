@@ -30,8 +30,6 @@ from pushfit.fit.identify.result_row import Cell
 APPLICATION_ID = 0x70757368
 # Of what a store holds: a later form gets another number.
 VERSION = 1
-# Files that SQLite keeps beside its own.
-SIDECARS = ("-journal", "-wal", "-shm")
 SCHEMA = (
     "CREATE TABLE result (key TEXT PRIMARY KEY, kind TEXT NOT NULL, "
     "cells TEXT NOT NULL, draws BLOB NOT NULL) WITHOUT ROWID",
@@ -208,10 +206,7 @@ def _is_ours(connection: sqlite3.Connection) -> bool:
 def _set_aside(path: Path) -> str:
     """Rename a store that cannot be used, and say so."""
     bad = spare_name(path)
-    for ending in ("", *SIDECARS):
-        # An old journal would be played back into the new file.
-        with contextlib.suppress(FileNotFoundError):
-            os.replace(f"{path}{ending}", f"{bad}{ending}")
+    os.replace(path, bad)
     return (
         f"{path}: is damaged or not a store of this version of pushfit; kept as "
         f"{bad.name}, and everything is computed again"

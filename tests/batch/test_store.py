@@ -2,12 +2,18 @@
 
 import signal
 import sqlite3
+from functools import partial
 
 import numpy as np
 import pytest
 
 from pushfit.batch.folders import STORE
-from pushfit.batch.store import Finished, open_store, uninterrupted
+from pushfit.batch.store import (
+    VERSION,
+    Finished,
+    open_store,
+    uninterrupted,
+)
 from pushfit.errors import ConfigError
 
 RESULT = Finished(
@@ -80,10 +86,42 @@ def test_two_batches_cannot_share_a_folder(tmp_path):
         open_store(tmp_path).__enter__()
 
 
-def test_a_result_that_cannot_be_read_is_none(tmp_path):
+def test_a_store_of_a_later_form_is_kept_aside(tmp_path):
     keep(tmp_path, "a")
     with sqlite3.connect(tmp_path / STORE) as database:
-        database.execute("UPDATE result SET cells = '{broken'")
+        database.execute(f"PRAGMA user_version = {VERSION + 1}")
+    database.close()
+    assert "not a store of this version" in keep(tmp_path, "b")
+    with open_store(tmp_path) as (store, _):
+        assert store.keys() == {"b"}
+
+
+def test_no_journal_of_a_bad_store_is_played_back_into_the_next(tmp_path):
+    """SQLite sees to it, whatever lies beside the file."""
+    (tmp_path / STORE).write_bytes(b"not a database at all" * 100)
+    other = tmp_path / "other"
+    for ending in ("-journal", "-wal"):
+        mode = "WAL" if ending == "-wal" else "PERSIST"
+        with sqlite3.connect(other) as database:
+            database.execute(f"PRAGMA journal_mode = {mode}")
+            database.execute(f"CREATE TABLE of_{mode} (x)")
+            (tmp_path / f"{STORE}{ending}").write_bytes(
+                (tmp_path / f"other{ending}").read_bytes()
+            )
+        database.close()
+    keep(tmp_path, "a")
+    with open_store(tmp_path) as (store, notice):
+        assert (store.keys(), notice) == ({"a"}, "")
+
+
+@pytest.mark.parametrize(
+    "broken",
+    ["cells = '{broken'", "draws = X''", "draws = CAST('[]\n' AS BLOB)"],
+)
+def test_a_result_that_cannot_be_read_is_none(tmp_path, broken):
+    keep(tmp_path, "a")
+    with sqlite3.connect(tmp_path / STORE) as database:
+        database.execute(f"UPDATE result SET {broken}")
     database.close()
     with open_store(tmp_path) as (store, _):
         assert store.get("a") is None
@@ -108,3 +146,23 @@ def test_ctrl_c_waits_until_the_result_is_kept(ctrl_c):
     with pytest.raises(KeyboardInterrupt):
         write()
     assert reached
+
+
+class Interrupted(sqlite3.Connection):
+    """A database that is written while Ctrl-C is pressed."""
+
+    def executemany(self, *args):
+        signal.raise_signal(signal.SIGINT)
+        return super().executemany(*args)
+
+
+def test_what_is_finished_is_kept_though_ctrl_c_is_pressed(
+    ctrl_c, tmp_path, monkeypatch
+):
+    connect = partial(sqlite3.connect, factory=Interrupted)
+    with monkeypatch.context() as patch:
+        patch.setattr(sqlite3, "connect", connect)
+        with pytest.raises(KeyboardInterrupt):
+            keep(tmp_path, "a", "b")
+    with open_store(tmp_path) as (store, notice):
+        assert (store.keys(), notice) == ({"a", "b"}, "")

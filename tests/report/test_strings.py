@@ -5,6 +5,7 @@ import math
 import pytest
 
 from pushfit.report.strings import (
+    format_estimate,
     format_number,
     format_range,
     join_or,
@@ -58,6 +59,11 @@ def test_an_unknown_number_is_called_unknown_and_never_zero(value):
 def test_the_near_end_of_a_skewed_interval_keeps_its_digits():
     spread = spread_of(740.0, (563.0, 1871.0))
     assert format_range(563.0, 1871.0, "", spread=spread) == "560 to 1870"
+
+
+def test_an_estimate_at_the_end_of_its_interval_has_the_digits_of_the_width():
+    found = format_estimate(10.0, (10.0, 43.0), "deg")
+    assert found == ("10°", "10° to 43°")
 
 
 @pytest.mark.parametrize("spread", [0.0, -1.0, math.inf, math.nan])
