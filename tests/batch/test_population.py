@@ -112,6 +112,22 @@ def test_what_has_no_interval_of_its_own_is_not_pooled(runs, tmp_path):
     assert 'note">runs/far.csv</td>' in (tmp_path / "out" / "report.html").read_text()
 
 
+def test_items_are_named_in_order(runs):
+    def wrong(tables, config, **options):
+        items = identify(tables, config, **options)
+        names = [table.sources[0].path for table in tables]
+        return [
+            replace(item, values={**item.values, "warnings": "model_inadequate"})
+            if name.endswith(("a.csv", "far.csv"))
+            else item
+            for name, item in zip(names, items, strict=True)
+        ]
+
+    angle = identify_batch(["runs"], "out", identify=wrong).population[0]
+    assert angle["provisional"] == "runs/a.csv;runs/far.csv"
+    assert angle["n_items"] == 3
+
+
 def test_the_page_shows_the_population_and_every_item(runs, tmp_path):
     write_tables(runs, "x")
     (runs / "x.toml").write_text("[push]\nlenght_mm = 3.0\n")
