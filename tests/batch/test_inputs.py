@@ -64,6 +64,14 @@ def test_a_pattern_finds_files_and_a_file_found_twice_counts_once(tmp_path):
     assert names(found) == ["a1.csv", "a2.csv"]
 
 
+def test_a_name_that_exists_is_no_pattern(tmp_path):
+    write_tables(tmp_path, "run1", "run[1]")
+    given = tmp_path / "run[1].csv"
+    assert names(find_inputs([given], out=tmp_path / "o")) == ["run[1].csv"]
+    given.unlink()
+    assert names(find_inputs([given], out=tmp_path / "o")) == ["run1.csv"]
+
+
 def result_folder(folder):
     """A result with its table, and no grasp of its own."""
     write_tables(folder, "peaks")

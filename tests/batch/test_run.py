@@ -503,3 +503,11 @@ def test_the_folder_of_an_item_is_written_once_and_mended(tmp_path, monkeypatch)
     summary.write_text("{}")
     run("runs", folders=True)
     assert json.loads(summary.read_text()) == content
+
+
+def test_a_table_is_no_recording_and_has_no_schedule(runs):
+    (runs / "schedule.csv").write_text("push,theta_deg,alpha_deg\n1,10,90\n")
+    found = run()
+    assert [row["kind"] for row in found.rows] == ["table"] * 3
+    for row in found.rows:
+        assert (row["schedule"], row["schedule_sha256"]) == (None, None)
