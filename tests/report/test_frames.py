@@ -55,8 +55,10 @@ def test_stiffnesses_of_an_unknown_push_length_correlate_with_nothing(correlated
 
 
 def test_a_row_is_all_of_its_quantity(determined):
-    frame = result_frame(determined)
-    for one in (*determined.parameters, *determined.combinations):
+    wider = tuple(replace(one, prob=0.8) for one in determined.parameters)
+    result = replace(determined, parameters=wider)
+    frame = result_frame(result)
+    for one in (*result.parameters, *result.combinations):
         row = frame.loc[one.name]
         interval = one.interval or (np.nan, np.nan)
         told = one.estimate, *interval, one.prob, one.contraction
