@@ -112,25 +112,11 @@ def tilting_forces(
 ) -> Forces:
     """Contact forces of pushes that tilt an object, on one support or on two.
 
-    Those of `one_support_forces` or of `two_support_forces`, by what the grasp states.
-
-    Returns:
-        Forces of every push, in the frame that does not tilt [N].
-    """
-    is_single = grasp.support_span is None
-    solve = one_support_forces if is_single else two_support_forces
-    return solve(params, pushes, grasp)
-
-
-def two_support_forces(
-    params: Parameters | Contact, pushes: Pushes, grasp: Grasp
-) -> Forces:
-    """Contact forces of pushes that tilt an object on two supports.
-
         F_t = K (S_p cos θ u - X n),   F_n = max(F_0 + A (S_p sin θ - Z), 0)
 
     at the lean q = γ n that both axes bear, see `balanced_lean`; X and Z are those of
-    `tilted`, for points L sin γ and L (1 - cos γ).
+    `tilted`, for points L sin γ and L (1 - cos γ). Those on one support are
+    `one_support_forces`.
 
     Returns:
         Forces of every push, in the frame that does not tilt; F_n is never negative
@@ -139,6 +125,8 @@ def two_support_forces(
     References:
         After Eqs. (6)-(10), the limit S_p / L → 0; docs/model.md, "Tilting".
     """
+    if grasp.support_span is None:
+        return one_support_forces(params, pushes, grasp)
     group = contact(params)
     frame = make_frame(group, grasp, elevation=pushes.elevation, azimuth=pushes.azimuth)
     lean, is_found = balanced_lean(frame, grasp.sharpness)
@@ -185,7 +173,7 @@ def leaned(frame: Frame, lean: PlaneVectors) -> Lean:
 
         Q_i = F_t · ∂(X n)/∂q_i + F_n Z' n_i,   N = F_n cos γ - F_t · n sin γ
 
-    with X, Z, X' and Z' of `tilted`, and F_t and F_n as in `two_support_forces`. The
+    with X, Z, X' and Z' of `tilted`, and F_t and F_n as in `tilting_forces`. The
     names in the code are these without powers of γ, so that q = 0 divides nothing:
 
         X = L γ `aside`,   X' = L (`aside` + γ² `bend`)
