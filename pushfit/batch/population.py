@@ -15,7 +15,7 @@ from pushfit.batch.rows import Row
 from pushfit.batch.store import Finished
 from pushfit.fit.identify.result_row import LOG_PRIOR, Cell
 from pushfit.fit.population.item_likelihoods import ItemDraws
-from pushfit.fit.population.pooling import Population, pool
+from pushfit.fit.population.pooling import pool
 from pushfit.fit.results import ResultWarning, Verdict
 from pushfit.parameters import HALF_TURN
 
@@ -123,21 +123,31 @@ def _rows(
                 open_transition.add(unit)
             if pooled.quantity == "theta_c":
                 azimuths.append(float(finished.values["reference_alpha_deg"] or 0.0))
-    rows = []
+    rows: list[Row] = []
     for unit, group in sorted(groups.items()):
         found = pool(group, scale=pooled.scale)
         if found is not None:
-            is_open, is_mixed = unit in open_transition, are_apart(azimuths)
-            shown = (found.is_edge_reached, is_open, is_mixed)
-            row = _row(
+            shown = (
+                found.is_edge_reached,
+                unit in open_transition,
+                are_apart(azimuths),
+            )
+            cells: tuple[Cell, ...] = (
                 pooled.quantity,
                 unit,
-                found=found,
-                n_all=n_all[unit],
-                provisional=provisional.get(unit, ()),
-                warnings=list(compress(WARNINGS, shown)),
+                found.mean,
+                *found.mean_interval,
+                found.spread,
+                *found.spread_interval,
+                found.n_items,
+                n_all[unit] - found.n_items,
+                round(found.effective_draws),
+                ";".join(found.outliers),
+                ";".join(found.not_usable),
+                ";".join(provisional.get(unit, ())),
+                ";".join(compress(WARNINGS, shown)),
             )
-            rows.append(row)
+            rows.append(dict(zip(COLUMNS, cells, strict=True)))
     return rows
 
 
@@ -161,30 +171,3 @@ def are_apart(azimuths: Sequence[float]) -> bool:
 def is_provisional(row: Row) -> bool:
     """Whether the model does not describe an item, or its table cannot be right."""
     return "model_inadequate" in str(row.get("warnings")).split(";")
-
-
-def _row(
-    quantity: str,
-    unit: str,
-    *,
-    found: Population,
-    n_all: int,
-    provisional: Sequence[str],
-    warnings: Sequence[str],
-) -> Row:
-    cells: tuple[Cell, ...] = (
-        quantity,
-        unit,
-        found.mean,
-        *found.mean_interval,
-        found.spread,
-        *found.spread_interval,
-        found.n_items,
-        n_all - found.n_items,
-        round(found.effective_draws),
-        ";".join(found.outliers),
-        ";".join(found.not_usable),
-        ";".join(provisional),
-        ";".join(warnings),
-    )
-    return dict(zip(COLUMNS, cells, strict=True))

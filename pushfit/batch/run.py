@@ -26,8 +26,8 @@ from pushfit.batch.items import Item, ItemFailure, Plan, Planner
 from pushfit.batch.outputs import write_outputs
 from pushfit.batch.population import pool_items
 from pushfit.batch.rows import Row, collect
-from pushfit.batch.store import Finished, Store, open_store
-from pushfit.batch.workers import Work, Workers
+from pushfit.batch.store import Store, open_store
+from pushfit.batch.workers import Outcome, Work, Workers
 from pushfit.data.text.faults import listed
 from pushfit.errors import DataError, check_seed
 from pushfit.fit.identify.fitted import check_engine
@@ -142,7 +142,13 @@ def identify_batch(
             stages = "; ".join(stages_of(missing[0].config, engine))
             with loaded_ahead(stages, is_here=workers.is_here) as known:
                 report("identifying" if known else COMPILING, 0.0)
-                failed = _compute(work, missing, workers, store=store, report=report)
+                failed = _worked(
+                    work,
+                    workers.chunks(missing),
+                    workers,
+                    save=store.save,
+                    report=partial(report, "identifying"),
+                )
         n_failed = len(failed)
         if folders:
             whole = [item for key, item in unique.items() if key not in failed]
@@ -183,19 +189,19 @@ def _unread(plan: Plan, config: Path | None) -> str:
     )
 
 
-def _compute(
-    work: Work[Finished],
-    items: Sequence[Item],
+def _worked(
+    work: Work[Outcome],
+    chunks: Sequence[tuple[Item, ...]],
     workers: Workers,
     *,
-    store: Store,
-    report: Progress,
+    save: Callable[[list[tuple[str, Outcome]]], None],
+    report: Callable[[float], None],
 ) -> dict[str, ItemFailure]:
-    """Results of items into the store, chunk by chunk; failures by key."""
+    """Do work and keep what comes of it, chunk by chunk; failures by key."""
     failed: dict[str, ItemFailure] = {}
-    n_done = 0
+    n_done, n_items = 0, sum(map(len, chunks))
     # Closed at once when interrupted, so that no worker outlives this process.
-    with contextlib.closing(workers.work_on(work, workers.chunks(items))) as ended:
+    with contextlib.closing(workers.work_on(work, chunks)) as ended:
         for chunk, outcomes in ended:
             good = []
             for item, outcome in zip(chunk, outcomes, strict=True):
@@ -203,9 +209,9 @@ def _compute(
                     failed[item.key] = outcome
                 else:
                     good.append((item.key, outcome))
-            store.save(good)
+            save(good)
             n_done += len(chunk)
-            report("identifying", n_done / len(items))
+            report(n_done / n_items)
     return failed
 
 
@@ -228,18 +234,14 @@ def _write_folders(
         for item in items
         if not is_current(place / names[item.key], item.key, written)
     ]
-    failed: dict[str, ItemFailure] = {}
-    n_done = 0
+
+    def save(done: list[tuple[str, str]]) -> None:
+        for key, sha256 in done:
+            store.save_folder(names[key], key, sha256)
+
     chunks = replace(workers, chunk=1).chunks(stale)
-    with contextlib.closing(workers.work_on(work, chunks)) as ended:
-        for (item,), (outcome,) in ended:
-            if isinstance(outcome, ItemFailure):
-                failed[item.key] = outcome
-            else:
-                store.save_folder(names[item.key], item.key, outcome)
-            n_done += 1
-            report("writing folders", n_done / len(stale))
-    return failed
+    told = partial(report, "writing folders")
+    return _worked(work, chunks, workers, save=save, report=told)
 
 
 def _pages(

@@ -132,9 +132,12 @@ def _on_cluster(
     guarded = partial(_guarded, work, workers.time_limit)
     waiting = list(chunks)
     with _client(workers) as client:
-        for rounds in (_together, _one_by_one, _alone):
+        # All chunks at once, then all items at once, then one item after the other.
+        for is_split, is_alone in ((False, False), (True, False), (True, True)):
+            if is_split:
+                waiting = [(item,) for chunk in waiting for item in chunk]
             lost = []
-            for batch in rounds(waiting):
+            for batch in [[chunk] for chunk in waiting] if is_alone else [waiting]:
                 for chunk, found in _finished(client, guarded, batch):
                     if found is None:
                         lost.append(chunk)
@@ -143,21 +146,6 @@ def _on_cluster(
             waiting = lost
     for chunk in waiting:
         yield chunk, [_died(item.name, workers.time_limit) for item in chunk]
-
-
-def _together(chunks: Sequence[Chunk]) -> list[list[Chunk]]:
-    """All chunks at once."""
-    return [list(chunks)]
-
-
-def _one_by_one(chunks: Sequence[Chunk]) -> list[list[Chunk]]:
-    """All items at once, each a chunk of its own."""
-    return [[(item,) for chunk in chunks for item in chunk]]
-
-
-def _alone(chunks: Sequence[Chunk]) -> list[list[Chunk]]:
-    """One after the other."""
-    return [[chunk] for chunk in chunks]
 
 
 def _finished(
