@@ -200,7 +200,9 @@ def problems(
     for detail in error.errors():
         by_key.setdefault(_key_in_file(detail["loc"], content), []).append(detail)
     for key, details in by_key.items():
-        found = _value_at(key, content)
+        found: object = content
+        for part in key:
+            found = found.get(part) if isinstance(found, Mapping) else None
         value = None if isinstance(found, Mapping | None) else as_toml(found)
         name = ".".join(key)
         shown = name if value is None else f"{name} = {value}"
@@ -226,13 +228,6 @@ def _key_in_file(
         path.append(str(part))
         node = node.get(path[-1])
     return tuple(path)
-
-
-def _value_at(key: tuple[str, ...], content: Mapping[str, object]) -> object:
-    node: object = content
-    for part in key:
-        node = node.get(part) if isinstance(node, Mapping) else None
-    return node
 
 
 def _rule(

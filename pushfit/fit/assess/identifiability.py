@@ -44,7 +44,7 @@ def identifiability(
     Returns:
         One combination per free parameter, best determined first; no advice yet.
     """
-    names = free_parameters(problem)
+    names = tuple(name for name in (*POSITIVE, *SIGNED) if name in problem.priors)
     middle = np.array([median(_scaled(n, samples[n])) for n in names])
     jacobian = _log_jacobian(problem, middle, names)
     _, singular_values, directions = np.linalg.svd(jacobian, full_matrices=True)
@@ -67,12 +67,6 @@ def identifiability(
         n_parameters=len(names),
         advice=(),
     )
-
-
-def free_parameters(problem: Problem) -> tuple[str, ...]:
-    """Names of the free parameters that forces may depend on, logs first."""
-    names = (*POSITIVE, *SIGNED)
-    return tuple(name for name in names if name in problem.priors)
 
 
 def power_product(names: tuple[str, ...], direction: Float[np.ndarray, " p"]) -> str:

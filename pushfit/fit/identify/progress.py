@@ -3,6 +3,7 @@
 Only the ratios of the times matter. Excluded: showing it (`pushfit.cli.progress`).
 """
 
+import functools
 from collections.abc import Callable, Sequence
 from types import MappingProxyType
 
@@ -90,7 +91,7 @@ class Stages:
     ) -> None:
         """Begin before the first stage."""
         self._names, self._told = list(names), told
-        self._is_compiled = is_compiled
+        self._usual = functools.partial(usual_seconds, is_compiled=is_compiled)
         self._done, self._now = 0.0, ""
 
     def begin(self, name: str) -> None:
@@ -110,6 +111,3 @@ class Stages:
         if self._told is not None:
             done = self._done + share * self._usual([self._now] if self._now else [])
             self._told(stage, min(1.0, done / self._usual(self._names)))
-
-    def _usual(self, names: Sequence[str]) -> float:
-        return usual_seconds(names, is_compiled=self._is_compiled)

@@ -27,7 +27,6 @@ from pushfit.fit.problem.priors.distributions import (
     priors_from_config,
 )
 from pushfit.fit.problem.problem import Problem, padded
-from pushfit.fit.problem.uninformative import check_informative
 from pushfit.fit.results.fits_along import FitsAlong
 from pushfit.model import Pushes, as_float
 from pushfit.parameters import SIGNED
@@ -82,7 +81,7 @@ def build_problem(table: PeakTable, config: GraspConfig) -> Setup:
             "flags column",
             code="no_usable_push",
         )
-    check_informative(table, config)
+    _check_informative(table, config)
     grasp = make_grasp(config, table.unit)
     calibrated = is_calibrated(config, table.unit)
     noise = choose_noise(table, config)
@@ -190,3 +189,34 @@ def _rows(table: PeakTable, noise: Noise) -> dict[str, Any]:
         "mask": jnp.asarray(mask),
         "shared": shared,
     }
+
+
+def _check_informative(table: PeakTable, config: GraspConfig) -> None:
+    """Refuse pushes at which the model says nothing of the contact.
+
+    Args:
+        table: Peak heights, of which at least one is used.
+
+    Raises:
+        DataError: If all heights of a channel are 0 (`no_height`), or all pushes go
+            along the surface of a contact without a preload (`no_elevation`).
+    """
+    used = table.is_used
+    for channel in table.channels:
+        if not np.any(table.heights(channel)[used]):
+            raise DataError(
+                f"{table.place}: the column {channel} holds only zeros, which show no "
+                "stiffness and no critical angle; push further or with a more "
+                "sensitive sensor, until the heights rise above their noise, or leave "
+                "the column out",
+                code="no_height",
+            )
+    value, _ = config.grasp.preload
+    if value == 0 and not np.any(table.theta[used]):
+        raise DataError(
+            f"{table.place}: all pushes go along the surface (θ = 0°), where a contact "
+            "without a preload carries no force: they show neither A, B nor C_rr, and "
+            "so no θ_c; push at several elevations, such as 15°, 30°, 45°, 60° and "
+            "75°, or state [grasp] preload_n if the finger was pressed on before",
+            code="no_elevation",
+        )

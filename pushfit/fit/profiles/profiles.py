@@ -6,7 +6,7 @@ critical angles stay two, and an end that no push bounds stays open. Excluded: t
 along a quantity (`pushfit.fit.profiles.curve`).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -27,7 +27,7 @@ from pushfit.fit.profiles.profile_sets import (
     threshold,
     verdict_of,
 )
-from pushfit.fit.results import FitResult, LikelihoodProfile
+from pushfit.fit.results import FitResult, LikelihoodProfile, Piece
 from pushfit.fit.results.fits_along import Curve
 from pushfit.mechanics.directions import is_whole
 from pushfit.parameters import unit_of
@@ -70,26 +70,26 @@ def likelihood_profiles(
     newton = "N" if setup.is_calibrated else "sensor unit"
     level = threshold(prob, dof)
     curves = _curves(setup, fit, reference_alpha, level, wanted)
-    words = {"prob": prob, "degrees_of_freedom": dof}
     profiles = {}
     for name, curve in curves.items():
         delta = curve.chi_square - np.min(curve.chi_square)
-        if name == "alpha_star":
-            profiles[name] = _axis_profile(curve.values, delta, reach, level, words)
-            continue
-        is_angle = name == "theta_c"
         short = name.removeprefix("ln_")
-        values = np.degrees(curve.values) if is_angle else np.exp(curve.values)
-        narrowest = NARROWEST if is_angle else 0.0
-        pieces = pieces_below(values, delta, level, narrowest=narrowest)
+        if name == "alpha_star":
+            values, delta, pieces = _axis_set(curve.values, delta, reach, level)
+        else:
+            is_angle = name == "theta_c"
+            values = np.degrees(curve.values) if is_angle else np.exp(curve.values)
+            narrowest = NARROWEST if is_angle else 0.0
+            pieces = pieces_below(values, delta, level, narrowest=narrowest)
         profiles[short] = LikelihoodProfile(
             name=short,
             unit=unit_of(short, newton),
             values=values,
             delta_chi_square=delta,
             pieces=pieces,
+            prob=prob,
             verdict=verdict_of(pieces),
-            **words,
+            degrees_of_freedom=dof,
         )
     return profiles | implied_profiles(setup.problem, profiles, newton=newton)
 
@@ -180,14 +180,13 @@ def _values_at(
     return critical_angles(problem, modes, reference_alpha)
 
 
-def _axis_profile(
+def _axis_set(
     values: Float[np.ndarray, " g"],
     delta: Float[np.ndarray, " g"],
     reach: tuple[float, float],
     level: float,
-    words: Mapping[str, float],
-) -> LikelihoodProfile:
-    """Profile of α* from that of the soft axis: unreachable axes count at the ends."""
+) -> tuple[Float[np.ndarray, " h"], Float[np.ndarray, " h"], tuple[Piece, ...]]:
+    """Values of α* [deg], Δχ² there and the set: unreachable axes count at the ends."""
     low, high = np.degrees(reach[0]), np.degrees(reach[1])
     axis = np.degrees(values)
     has_ends = not is_whole(reach)
@@ -220,12 +219,4 @@ def _axis_profile(
             (float(a - turn), float(b - turn))
             for (a, b), turn in zip(pieces, turns, strict=True)
         )
-    return LikelihoodProfile(
-        name="alpha_star",
-        unit="deg",
-        values=angle,
-        delta_chi_square=delta,
-        pieces=pieces,
-        verdict=verdict_of(pieces),
-        **words,
-    )
+    return angle, delta, pieces

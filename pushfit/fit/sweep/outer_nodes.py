@@ -22,7 +22,7 @@ from pushfit.fit.sweep.cholesky import (
 )
 from pushfit.fit.sweep.search import Count, Objective, Round
 from pushfit.fit.sweep.segments import make_segments
-from pushfit.fit.sweep.target import IMPOSSIBLE, Expansion, Target
+from pushfit.fit.sweep.target import IMPOSSIBLE, Expansion, Target, state_of
 from pushfit.model import Scalar
 from pushfit.parameters import TINY
 
@@ -196,7 +196,7 @@ def _first_starts(target: Target) -> Float[Array, "n q"]:
         def at(
             y: Float[Array, " q"], is_last: Bool[Array, ""]
         ) -> tuple[Float[Array, " q"], Scalar]:
-            predicted = problem.predict(target.state(target.seen(y)))
+            predicted = problem.predict(state_of(problem, target.seen(y)))
             scaled = y
             if "ln_A" in names:
                 ln_scale = _ln_scale(target, predicted)

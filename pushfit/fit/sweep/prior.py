@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from pushfit.fit.problem.encoding import prior_x_samples
-from pushfit.fit.problem.priors.conditional_prior import SCORES, make_conditional_prior
+from pushfit.fit.problem.priors.conditional_prior import make_conditional_prior
 from pushfit.fit.problem.priors.tabulated_density import (
     LogDensity,
     TabulatedDensity,
@@ -24,7 +24,7 @@ from pushfit.fit.problem.repeats.pooling import pool_repeats
 from pushfit.fit.programs.compile import compiled
 from pushfit.fit.programs.kept import kept
 from pushfit.fit.sweep.coordinate_roles import roles_of
-from pushfit.fit.sweep.target import QuantileTable, Target
+from pushfit.fit.sweep.target import QuantileTable, Target, outer_of
 from pushfit.model import as_float
 from pushfit.parameters import STIFF
 
@@ -124,8 +124,6 @@ def make_target(problem: Problem, reference_alpha: float) -> Target:
             as_float(start + question.ln_stiffness),
             as_float(step),
             values,
-            float(SCORES[0]),
-            float(SCORES[1] - SCORES[0]),
         )
         for name, (start, step, values) in shape.tables.items()
     }
@@ -191,7 +189,8 @@ def _made(question: _Question) -> PriorShape:
     draws = {name: x[:, i] for i, name in enumerate(names)}
     columns = [rng.standard_normal(N_DRAWS), rng.standard_normal(N_DRAWS)]
     if roles.pivot is not None:
-        columns[0] = _outer_of(problem, x, question.reference_alpha)
+        means, alpha = pool_repeats(problem).problem, question.reference_alpha
+        columns[0] = np.asarray(_outer(means, as_float(x), as_float(alpha)))
     if roles.inner is not None:
         columns[1] = draws[roles.inner]
     y = np.stack([*columns, *(draws[name] for name in roles.others)], axis=1)
@@ -237,28 +236,14 @@ def _moments(
     return mean, precision
 
 
-def _outer_of(
-    problem: Problem, x: Float[np.ndarray, "n p"], reference_alpha: float
-) -> Float[np.ndarray, " n"]:
-    """U of draws."""
-    blank = Target(
-        pooled=pool_repeats(problem),
-        mean=as_float(np.zeros(2)),
-        precision=as_float(np.eye(2)),
-        covariance=as_float(np.eye(2)),
-        shape_sd=as_float(1.0),
-        tables={},
-        reference_alpha=as_float(reference_alpha),
-        roles=roles_of(problem),
-    )
-    return np.asarray(_outer(blank, as_float(x)))
-
-
 @compiled
-def _outer(target: Target, x: Float[Array, "n p"]) -> Float[Array, " n"]:
-    names = target.pooled.problem.names
+def _outer(
+    problem: Problem, x: Float[Array, "n p"], reference_alpha: Float[Array, ""]
+) -> Float[Array, " n"]:
+    """U of draws."""
 
     def one(row: Float[Array, " p"]) -> Float[Array, ""]:
-        return target.outer(dict(zip(names, row, strict=True)))
+        z = dict(zip(problem.names, row, strict=True))
+        return outer_of(problem, z, reference_alpha)
 
     return jax.vmap(one)(x)

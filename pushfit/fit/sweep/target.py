@@ -13,7 +13,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from pushfit.fit.problem.problem import ModelPoint
+from pushfit.fit.problem.priors.conditional_prior import SCORES
+from pushfit.fit.problem.problem import ModelPoint, Problem
 from pushfit.fit.problem.repeats.pooling import Pooled
 from pushfit.fit.problem.slopes import with_slopes
 from pushfit.fit.sweep.coordinate_roles import Roles
@@ -27,6 +28,8 @@ IMPOSSIBLE = 1e300
 # Least change of a quantile per unit of its normal score: where quantiles coincide the
 # density of draws stays finite, and so a draw keeps a weight. Not tuned.
 SMALLEST_SLOPE = 1e-12
+# Of the columns of a table of quantiles.
+FIRST_SCORE, SCORE_STEP = float(SCORES[0]), float(SCORES[1] - SCORES[0])
 
 
 class QuantileTable(eqx.Module):
@@ -35,25 +38,20 @@ class QuantileTable(eqx.Module):
     Args:
         start: First value of the number.
         step: Distance between its values.
-        values: Quantile for each value and score.
-        first_score: First normal score.
-        score_step: Distance between scores.
+        values: Quantile for each value, at each of `SCORES`.
     """
 
     start: Scalar
     step: Scalar
     values: Float[Array, "r s"]
-    first_score: float = eqx.field(static=True)
-    score_step: float = eqx.field(static=True)
 
     def draw(self, whole: Scalar, score: Scalar) -> tuple[Scalar, Scalar]:
         """The quantile at a normal score, and the log density of such draws."""
         row, p = _place((whole - self.start) / self.step, self.values.shape[0])
-        column = (score - self.first_score) / self.score_step
-        column, q = _place(column, self.values.shape[1])
+        column, q = _place((score - FIRST_SCORE) / SCORE_STEP, self.values.shape[1])
         corner = self.values[row + jnp.arange(2)][:, column + jnp.arange(2)]
         low, high = corner[0] * (1 - p) + corner[1] * p
-        slope = jnp.maximum((high - low) / self.score_step, SMALLEST_SLOPE)
+        slope = jnp.maximum((high - low) / SCORE_STEP, SMALLEST_SLOPE)
         log_density = jax.scipy.stats.norm.logpdf(score) - jnp.log(slope)
         return low + q * (high - low), log_density
 
@@ -91,25 +89,13 @@ class Target(eqx.Module):
             z[self.roles.inner] = y[1]
         if self.roles.pivot is not None:
             sign = 1.0 if self.roles.pivot == "ln_B" else -1.0
-            z[self.roles.pivot] = sign * (y[0] - self.outer(z))
+            outer = outer_of(self.pooled.problem, z, self.reference_alpha)
+            z[self.roles.pivot] = sign * (y[0] - outer)
         return z
 
     def vector(self, z: Mapping[str, Scalar]) -> Float[Array, " p"]:
         """Sampling coordinates in the order of the problem."""
         return jnp.stack([z[name] for name in self.pooled.problem.names])
-
-    def outer(self, z: Mapping[str, Scalar]) -> Scalar:
-        """U = ln(B |u(α)| / (A C_rr)) at sampling coordinates."""
-        group = contact(self.state(z).params)
-        x, y = tangential_stiffness(group, unit_vector(self.reference_alpha))
-        return jnp.log(norm2(x, y) / (group.A * group.C_rr))
-
-    def state(self, z: Mapping[str, Scalar]) -> ModelPoint:
-        """What heights depend on, the shortest way."""
-        problem = self.pooled.problem
-        if set(problem.data_names) <= set(z):
-            return problem.data_state(jnp.stack([z[n] for n in problem.data_names]))
-        return problem.state(self.vector(z))
 
     def differences(self, y: Float[Array, " q"]) -> Float[Array, "c n"]:
         """Predictions less mean heights; 0 for padding [table unit]."""
@@ -118,7 +104,7 @@ class Target(eqx.Module):
     def differences_at(self, z: Mapping[str, Scalar]) -> Float[Array, "c n"]:
         """The same at sampling coordinates by name."""
         problem = self.pooled.problem
-        return problem.differences(problem.predict(self.state(z)))
+        return problem.differences(problem.predict(state_of(problem, z)))
 
     def log_prob(self, x: Float[Array, " p"]) -> Scalar:
         """Unnormalised log posterior density of sampling coordinates."""
@@ -180,6 +166,23 @@ class Expansion(eqx.Module):
     cost: Float[Array, "*n"]
     gradient: Float[Array, "*n q"]
     hessian: Float[Array, "*n q q"]
+
+
+def state_of(problem: Problem, z: Mapping[str, Scalar]) -> ModelPoint:
+    """What heights depend on at sampling coordinates, the shortest way."""
+    is_seen = set(problem.data_names) <= set(z)
+    names = problem.data_names if is_seen else problem.names
+    point = jnp.stack([z[name] for name in names])
+    return problem.data_state(point) if is_seen else problem.state(point)
+
+
+def outer_of(
+    problem: Problem, z: Mapping[str, Scalar], reference_alpha: Scalar
+) -> Scalar:
+    """U = ln(B |u(α)| / (A C_rr)) at sampling coordinates."""
+    group = contact(state_of(problem, z).params)
+    x, y = tangential_stiffness(group, unit_vector(reference_alpha))
+    return jnp.log(norm2(x, y) / (group.A * group.C_rr))
 
 
 def finite(cost: Scalar) -> Scalar:
