@@ -180,7 +180,9 @@ class Planner:
     ) -> Item:
         plan = None if schedule is None else str(schedule)
         plan_sha256 = None if plan is None else self._digest(plan)
-        seed = derived_seed(self._seed, sha256)
+        # By the content alone, from 0 to 2³¹ - 1.
+        drawn = digest_of({"seed": self._seed, "content": sha256})
+        seed = int(drawn[:8], 16) >> 1
         parts = {
             "content": sha256,
             "schedule": plan_sha256,
@@ -219,11 +221,6 @@ class Planner:
             files = definition_files(folder)
             self._digests[folder] = digest_of({n: sha256_of(f) for n, f in files})
         return self._digests[folder]
-
-
-def derived_seed(seed: int, sha256: str) -> int:
-    """Seed of one item by its content alone, from 0 to 2³¹ - 1."""
-    return int(digest_of({"seed": seed, "content": sha256})[:8], 16) >> 1
 
 
 def digest_of(content: Mapping[str, object]) -> str:

@@ -14,6 +14,7 @@ from jaxtyping import Array, Float
 from pushfit.parameters import TINY
 
 Sharpness = float | Float[Array, ""]
+SineVersine = tuple[Float[Array, "*s"], Float[Array, "*s"]]
 # Below this argument four terms of a series in it are exact to 1e-18, while the closed
 # form divides 0 by 0 at the origin.
 SERIES_LIMIT = 1e-3
@@ -132,9 +133,7 @@ def log1pc(x: Float[Array, "*s"]) -> Float[Array, "*s"]:
 
 
 @jax.custom_jvp
-def sine_versine(
-    x: Float[Array, "*s"],
-) -> tuple[Float[Array, "*s"], Float[Array, "*s"]]:
+def sine_versine(x: Float[Array, "*s"]) -> SineVersine:
     """Sin x and 1 - cos x for |x| <= 1.5, both exact for small x.
 
     Products and a root alone, which run many at a time; each is the slope of the other,
@@ -147,10 +146,7 @@ def sine_versine(
 @sine_versine.defjvp
 def _sine_versine_jvp(
     primals: tuple[Float[Array, "*s"]], tangents: tuple[Float[Array, "*s"]]
-) -> tuple[
-    tuple[Float[Array, "*s"], Float[Array, "*s"]],
-    tuple[Float[Array, "*s"], Float[Array, "*s"]],
-]:
+) -> tuple[SineVersine, SineVersine]:
     (x,), (rate,) = primals, tangents
     sine, versine = sine_versine(x)
     return (sine, versine), ((1 - versine) * rate, sine * rate)

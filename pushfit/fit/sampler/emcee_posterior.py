@@ -132,14 +132,29 @@ def sample_posterior(
         run.advance(densities.log_prob, moves, n_more)
         if checkpoint is not None:
             keep_run(run, checkpoint, question=question)
-    return _result(
-        problem,
-        run,
-        n_burn=n_burn,
+    tau = max(diagnostics.autocorr_time.values())
+    # Half an autocorrelation time: closer states add next to nothing.
+    thin = max(1, int(tau / 2)) if np.isfinite(tau) else 1
+    chain, log_prob = run.chain[n_burn::thin], run.log_prob[n_burn::thin]
+    rng = np.random.default_rng([seed, 2])
+    points = chain.reshape(-1, chain.shape[-1])
+    chosen = rng.permutation(len(points))[:N_DRAWS]
+    prior = prior_x_samples(problem, rng, N_DRAWS)
+    by_ensemble = chain.reshape(len(chain), diagnostics.n_ensembles, -1, len(prior[0]))
+    is_converged = not diagnostics.problems
+    return PosteriorResult(
+        samples=samples_mapping(problem, points[chosen], reference_alpha, reach),
+        prior_samples=samples_mapping(problem, prior, reference_alpha, reach),
+        log_prob=log_prob.ravel()[chosen],
+        chain=np.swapaxes(by_ensemble, 0, 1),
+        chain_names=problem.names,
+        thin=thin,
+        engine="emcee",
         diagnostics=diagnostics,
+        log_evidence=None,
+        log_evidence_error=None,
         seed=seed,
-        reference_alpha=reference_alpha,
-        reach=reach,
+        status=FitStatus.OK if is_converged else FitStatus.NOT_CONVERGED,
     )
 
 
@@ -236,40 +251,3 @@ def _share(diagnostics: Diagnostics) -> float:
     tau = max(diagnostics.autocorr_time.values())
     share = diagnostics.n_steps / (MIN_AUTOCORR_TIMES * tau)
     return float(min(share, NEARLY_DONE)) if np.isfinite(share) else 0.0
-
-
-def _result(
-    problem: Problem,
-    run: Run,
-    *,
-    n_burn: int,
-    diagnostics: Diagnostics,
-    seed: int,
-    reference_alpha: float,
-    reach: tuple[float, float],
-) -> PosteriorResult:
-    """Thinned chain, draws of everything that is reported, and the verdict."""
-    tau = max(diagnostics.autocorr_time.values())
-    # Half an autocorrelation time: closer states add next to nothing.
-    thin = max(1, int(tau / 2)) if np.isfinite(tau) else 1
-    chain, log_prob = run.chain[n_burn::thin], run.log_prob[n_burn::thin]
-    rng = np.random.default_rng([seed, 2])
-    points = chain.reshape(-1, chain.shape[-1])
-    chosen = rng.permutation(len(points))[:N_DRAWS]
-    prior = prior_x_samples(problem, rng, N_DRAWS)
-    by_ensemble = chain.reshape(len(chain), diagnostics.n_ensembles, -1, len(prior[0]))
-    is_converged = not diagnostics.problems
-    return PosteriorResult(
-        samples=samples_mapping(problem, points[chosen], reference_alpha, reach),
-        prior_samples=samples_mapping(problem, prior, reference_alpha, reach),
-        log_prob=log_prob.ravel()[chosen],
-        chain=np.swapaxes(by_ensemble, 0, 1),
-        chain_names=problem.names,
-        thin=thin,
-        engine="emcee",
-        diagnostics=diagnostics,
-        log_evidence=None,
-        log_evidence_error=None,
-        seed=seed,
-        status=FitStatus.OK if is_converged else FitStatus.NOT_CONVERGED,
-    )

@@ -104,7 +104,11 @@ def equilibrium(hold: Hold, sharpness: Sharpness) -> tuple[Vector, Vector]:
         start = jnp.maximum(_unrolled_guess(hold), _rolled_guess(hold))
         angle = _tilted_by(smaller, hold, start)
         return angle, smaller(hold, tilted(hold, angle))
-    elastic, limit, start = _both_forces(hold)
+    unrolled = unrolled_tilt(hold)
+    rolled = _tilted_by(rolling_force, hold, _rolled_guess(hold))
+    elastic = elastic_force(hold, tilted(hold, unrolled))
+    limit = rolling_force(hold, tilted(hold, rolled))
+    start = jnp.maximum(unrolled, rolled)
     smallest = jnp.minimum(elastic, limit)
     # A force that turns negative is the smaller one by far: nothing is left to soften.
     is_soft = smallest > 0
@@ -117,15 +121,6 @@ def equilibrium(hold: Hold, sharpness: Sharpness) -> tuple[Vector, Vector]:
         )
 
     return falling_root(given, (hold, force), _bracket(hold), start), force
-
-
-def _both_forces(hold: Hold) -> tuple[Vector, Vector, Vector]:
-    """F_t without and with rolling [N], and the larger of their tilts [rad]."""
-    unrolled = unrolled_tilt(hold)
-    rolled = _tilted_by(rolling_force, hold, _rolled_guess(hold))
-    elastic = elastic_force(hold, tilted(hold, unrolled))
-    limit = rolling_force(hold, tilted(hold, rolled))
-    return elastic, limit, jnp.maximum(unrolled, rolled)
 
 
 def unrolled_tilt(hold: Hold) -> Vector:

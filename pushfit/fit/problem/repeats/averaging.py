@@ -47,7 +47,15 @@ def averaged(table: PeakTable, sigma: str) -> PeakTable:
         sd = table.sd(channel)
         if sd is None or sigma == "pooled":
             scatter, dof = table.pooled_sd(channel)
-            _check_known(dof, sigma, column=f"{channel}_sd_{table.unit}")
+            # Hardly any repeat tells it, and it was not asked for.
+            if dof < MIN_POOLED_DOF and sigma != "pooled":
+                raise SettingsError(
+                    '[noise] angle_errors = "shared" needs the noise of heights: '
+                    f"{dof} repeats beyond the first are fewer than {MIN_POOLED_DOF}; "
+                    f"add the column {channel}_sd_{table.unit}, or take their scatter "
+                    'as known by sigma = "pooled"',
+                    code="no_given_sigma",
+                )
             sd = np.full(table.n_pushes, scatter)
         heights, weight = table.heights(channel).copy(), sd[used] ** -2.0
         total = np.bincount(direction, weight)
@@ -68,14 +76,3 @@ def averaging_warning(before: PeakTable, after: PeakTable) -> ResultWarning:
         "directions, as the repeats of one share the errors of its angles; "
         '[noise] angle_errors = "each" has each err on its own',
     )
-
-
-def _check_known(dof: int, sigma: str, *, column: str) -> None:
-    """Refuse a scatter that hardly any repeat tells, unless it was asked for."""
-    if dof < MIN_POOLED_DOF and sigma != "pooled":
-        raise SettingsError(
-            f'[noise] angle_errors = "shared" needs the noise of heights: {dof} '
-            f"repeats beyond the first are fewer than {MIN_POOLED_DOF}; add the "
-            f'column {column}, or take their scatter as known by sigma = "pooled"',
-            code="no_given_sigma",
-        )

@@ -76,6 +76,7 @@ def effect_sds(
     """
     direction, repeat = both_ways(before)
     n_effects = _n_effects(direction, repeat)
+    tail = float(scipy.special.stdtrit(n_effects, 0.95) / scipy.special.ndtri(0.95))
     used, found = before.is_used, {}
     is_own = np.arange(repeat.max() + 1)[:, None] == repeat
     for channel in before.channels:
@@ -85,15 +86,10 @@ def effect_sds(
         s = stated
         if s is None:
             effects = _effects(before, after, channel, kind)
-            s = _tail(n_effects) * float(np.sqrt(np.sum(effects**2) / n_effects))
+            s = tail * float(np.sqrt(np.sum(effects**2) / n_effects))
         found[channel] = np.zeros((len(is_own), before.n_pushes))
         found[channel][:, used] = s * size * is_own
     return found
-
-
-def _tail(dof: int) -> float:
-    """Ratio of the 95 % quantiles of a Student-t and a normal distribution."""
-    return float(scipy.special.stdtrit(dof, 0.95) / scipy.special.ndtri(0.95))
 
 
 def _effects(
