@@ -1,8 +1,8 @@
 """The next push, as one sentence of advice in a result.
 
-The push is that of `pushfit next` for the same table, within `[reach]` or as far back
-as a push went: whichever tells most of an angle that is still open. Excluded: the
-choice itself (`pushfit.explore.decide.next_push`).
+The push is that of `pushfit next` for the same table, within `[explore]` and `[reach]`
+or as far back as a push went: whichever tells most of an angle that is still open.
+Excluded: the choice itself (`pushfit.explore.decide.next_push`).
 """
 
 from dataclasses import replace
@@ -48,7 +48,8 @@ def _sentence(found: Identification, angle: str) -> str | None:
     table, prob = found.table, found.config.report.prob
     low, high = found.config.reach.theta_deg
     pushed = float(np.degrees(np.min(table.theta)))
-    limits = Limits(theta_deg=(min(low, pushed) if pushed < 0 else low, high))
+    low = min(low, pushed) if pushed < 0 else low
+    limits = Limits.of(found.config, theta_deg=(low, high))
     question = Question(
         config=found.config,
         ask=(angle,),

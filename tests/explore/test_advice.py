@@ -36,6 +36,22 @@ def test_no_push_beyond_the_reach_is_recommended(one_sided):
     assert LOW_DEG.max() < named <= 70.0
 
 
+def test_no_push_out_of_the_box_is_recommended(one_sided):
+    """Of the settings, which `pushfit next` keeps to as well."""
+    length = one_sided.config.push.length_mm
+    deepest = length * np.sin(np.radians(70.0))
+    box = ((-length, length), (-length, length), (0.0, float(deepest)))
+    settings = one_sided.config.with_keys("explore", workspace_mm=box)
+    kept = with_next_push(replace(one_sided, config=settings)).identifiability.advice
+    named = float(kept[0].removeprefix("One more push at θ = ").split("°")[0])
+    assert LOW_DEG.max() < named <= 70.0
+    # Nowhere but by shorter pushes, which make no row of the table.
+    flat = tuple((-0.5, 0.5) for _ in box)
+    settings = one_sided.config.with_keys("explore", workspace_mm=flat)
+    none = with_next_push(replace(one_sided, config=settings)).identifiability
+    assert none.advice == one_sided.identifiability.advice
+
+
 def test_a_determined_angle_needs_no_push(one_sided):
     angle = replace(one_sided.theta_c, verdict=Verdict.DETERMINED)
     known = replace(one_sided, theta_c=angle)
