@@ -438,7 +438,7 @@ def test_a_missing_path_names_no_other_that_only_ends_alike(write):
     assert "did you mean" not in str(error)
 
 
-def test_a_folder_is_not_a_recording_and_a_file_in_it_is_named(tmp_path, write):
+def test_a_folder_is_not_a_recording(tmp_path, write):
     assert refusal(tmp_path).code == "is_a_folder"
     path = write(GOOD)
     assert str(refusal(path.parent)).endswith(f"name the files in it, such as {path}")
