@@ -95,7 +95,7 @@ def _mapped(
     values, delta, pieces = np.zeros(0), np.zeros(0), ((None, None),)
     if map_ is not None:
         values = map_(source.values)
-        is_possible = np.isfinite(values) & (values > 0)
+        is_possible = np.isfinite(values)
         values, delta = values[is_possible], source.delta_chi_square[is_possible]
     if values.size:
         if is_bound:

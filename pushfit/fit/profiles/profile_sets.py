@@ -86,11 +86,10 @@ def _without_ripples(
     is_inside = delta <= level
     edges = np.flatnonzero(np.diff(is_inside.astype(int)))
     for i, j in itertools.pairwise(edges):
-        is_gap = is_inside[i] and is_inside[j + 1]
         is_low = np.max(delta[i + 1 : j + 1]) < level + LOWEST_BARRIER
         # Impossible values are at the ends; one between is a search that failed.
         is_low |= j == i + 1 and np.isinf(delta[j])
-        if is_gap and (is_low or values[j + 1] - values[i] < narrowest):
+        if is_low or values[j + 1] - values[i] < narrowest:
             is_inside[i + 1 : j + 1] = True
     return is_inside
 
