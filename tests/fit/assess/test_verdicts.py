@@ -1,9 +1,12 @@
 """The verdict on an angle: draws and profiles whose answer the rule itself tells."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy
 
+from pushfit.fit.assess.reporting_rules import pieces_for
 from pushfit.fit.assess.verdicts import angle_quantity, quantities
 from pushfit.fit.problem.setup import build_problem
 from pushfit.fit.profiles.profile_sets import verdict_of
@@ -152,3 +155,12 @@ def test_a_parameter_with_an_end_that_no_height_bounds_is_learned_in_part(
         setup, posterior, {"K_sn": profile}, prob=0.9, unit="n", with_sets=False
     )
     assert found.verdict is verdict
+
+
+def test_a_set_that_is_open_at_both_ends_shows_no_bound():
+    """Of an angle bounded on one side the likelihood has the end then."""
+    quantity = replace(
+        judged(NARROW, OPEN), verdict=Verdict.ONE_SIDED, sets=((None, None),)
+    )
+    assert pieces_for(quantity) == quantity.likelihood_sets == OPEN
+    assert pieces_for(replace(quantity, likelihood_sets=((None, None),))) == ()
