@@ -98,7 +98,7 @@ RNG = np.random.default_rng(0)
             ("['0.1'] is text: give a number",),
         ),
         (
-            lambda: check_numbers("noise", "0.1", 0.0, 1.0, rule="0 or above"),
+            lambda: check_numbers("noise", "0.1", low=0.0, high=1.0, rule="0 or above"),
             ("noise = '0.1': must be a number, 0 or above",),
         ),
         (

@@ -72,7 +72,7 @@ def main() -> None:
     drawn = prior_problems(options.kind, options.tables, rng)
     for i, (setup, truth) in enumerate(drawn):
         data = setup.problem
-        truths = samples_mapping(data, truth[None], ALPHA, REACH)
+        truths = samples_mapping(data, truth[None], ALPHA, reach=REACH)
         theta_c = float(truths["theta_c"][0])
         if np.isfinite(theta_c):
             for prob, pieces in likelihood_sets(setup).items():
@@ -84,7 +84,7 @@ def main() -> None:
             n_lost += 1
             continue
         points, _ = found.resampled(N_RETURNED, rng)
-        samples = samples_mapping(data, points, ALPHA, REACH)
+        samples = samples_mapping(data, points, ALPHA, reach=REACH)
         for name in ("theta_c", "alpha_star"):
             if name not in samples or not np.isfinite(truths[name][0]):
                 continue

@@ -81,7 +81,7 @@ def quantities(
     problem: Problem, x: Float[np.ndarray, "n p"]
 ) -> dict[str, Float[np.ndarray, " n"]]:
     """θ_c [deg], 0 where the contact never rolls, and all sampling coordinates."""
-    angles = samples_mapping(problem, x, ALPHA, REACH)["theta_c"]
+    angles = samples_mapping(problem, x, ALPHA, reach=REACH)["theta_c"]
     named = dict(zip(problem.names, x.T, strict=True))
     return {"theta_c": np.nan_to_num(angles)} | named
 

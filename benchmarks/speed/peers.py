@@ -127,6 +127,6 @@ def sample_by_nuts(problem: Problem, reach: tuple[float, float]) -> float:
     starts = prior_x_samples(problem, np.random.default_rng(0), N_CHAINS)
     run.run(jax.random.PRNGKey(0), init_params=jnp.asarray(starts))
     points = np.asarray(run.get_samples())
-    theta_c = samples_mapping(problem, points, 0.0, reach)["theta_c"]
+    theta_c = samples_mapping(problem, points, 0.0, reach=reach)["theta_c"]
     chains = theta_c.reshape(N_CHAINS, N_KEPT)
     return float(array_stats.ess(chains, chain_axis=0, draw_axis=1, method="mean"))

@@ -36,6 +36,7 @@ def write_outputs(
     folder: Path,
     answers: Answers,
     population: Sequence[Row],
+    *,
     pages: Mapping[str, str],
 ) -> tuple[Path, ...]:
     """Write what a batch found, each file complete or as it was.

@@ -162,7 +162,7 @@ def identify_batch(
         report("pooling", 0.0)
         population = pool_items(unique.values(), store.get)
         pages = _pages(plan, unique, folder=folder, store=store)
-        files = write_outputs(folder, answers, population, pages)
+        files = write_outputs(folder, answers, population, pages=pages)
         report("pooling", 1.0)
     return Batch(
         rows=answers.rows,

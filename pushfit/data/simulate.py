@@ -101,7 +101,7 @@ def simulate_table(
     """
     plan = PushSchedule.planned(theta, alpha, repeats=repeats)
     rule = f"0 or above, and one number or one for each of the {plan.n_pushes} pushes"
-    check_numbers("noise", noise, 0.0, LARGEST, rule=rule)
+    check_numbers("noise", noise, low=0.0, high=LARGEST, rule=rule)
     if np.shape(noise) not in ((), (plan.n_pushes,)):
         raise ConfigError(f"noise = {noise}: must be {rule}", code="noise")
     if unknown := set(channels) - set(CHANNELS):

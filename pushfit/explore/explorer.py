@@ -139,7 +139,7 @@ class Explorer:
         self._survey: Survey | None = None
         self._intervals: Mapping[str, Interval | None] | None = None
         self.journal = Journal(None if journal is None else Path(journal))
-        self._resume(start_event(self.question, self.judge, limits, hand))
+        self._resume(start_event(self.question, self.judge, limits, hand=hand))
 
     @checked
     def attach(self, table: PeakTable) -> None:
@@ -205,8 +205,8 @@ class Explorer:
         theta: float,
         alpha: float,
         heights: Mapping[str, float] | float,
-        sd: Mapping[str, float] | float | None = None,
         *,
+        sd: Mapping[str, float] | float | None = None,
         flags: str = "",
         length_share: float | None = None,
     ) -> State:

@@ -111,7 +111,7 @@ def _push(
 def _note(explorer: Explorer, suggestion: Suggestion, felt: PeakTable | str) -> None:
     if isinstance(felt, PeakTable):
         (row,) = told_rows(felt)
-        explorer.tell(row.theta, row.alpha, row.heights, row.sd, flags=row.flags)
+        explorer.tell(row.theta, row.alpha, row.heights, sd=row.sd, flags=row.flags)
         return
     fault = felt
     before = [failure.reason for failure in explorer.history.in_a_row[-1:]]

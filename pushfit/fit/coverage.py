@@ -180,7 +180,7 @@ def simulate_tables(fitted: Fitted, n: int, rng: np.random.Generator) -> Simulat
     problem, rows = setup.problem, np.array(setup.rows)
     x = prior_x_samples(problem, rng, n)
     truths = samples_mapping(
-        problem, x, fitted.reference_alpha, reach_of(fitted.config)
+        problem, x, fitted.reference_alpha, reach=reach_of(fitted.config)
     )
     angles = np.stack([table.theta, table.alpha])[:, rows]
     found = predict_draws(problem, truths, angles)

@@ -59,7 +59,7 @@ def searched_critical_angle(
     rolls = rooms < 0
     first = jnp.argmax(rolls, axis=0)
     above, below = descents[jnp.maximum(first - 1, 0)], descents[first]
-    descent = falling_root(room, state, (above, below), (above + below) / 2)
+    descent = falling_root(room, state, (above, below), start=(above + below) / 2)
     angle = jnp.where(jnp.any(rolls, axis=0), jnp.pi / 2 - descent, jnp.nan)
     return angle.reshape(jnp.shape(alpha))
 

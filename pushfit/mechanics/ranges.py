@@ -46,11 +46,11 @@ def check_fields(record: object, ranges: Iterable[Range]) -> None:
         for name in names:
             if (value := getattr(record, name)) is not None:
                 place = f"{type(record).__name__}: {name}"
-                check_numbers(place, value, low, high, rule=rule)
+                check_numbers(place, value, low=low, high=high, rule=rule)
 
 
 def check_numbers(
-    place: str, values: object, low: float, high: float, *, rule: str
+    place: str, values: object, *, low: float, high: float, rule: str
 ) -> None:
     """Refuse what is no number of a range, its ends included; NaN is in none.
 
@@ -98,7 +98,7 @@ def check_angles(place: str, values: object, *, most: float) -> None:
         f"in radians, from -{most:.4g} to {most:.4g}; `numpy.radians` makes it of "
         "degrees"
     )
-    check_numbers(place, values, -most - ROUNDING, most + ROUNDING, rule=rule)
+    check_numbers(place, values, low=-most - ROUNDING, high=most + ROUNDING, rule=rule)
 
 
 def check_together(place: str, **arrays: Any) -> None:

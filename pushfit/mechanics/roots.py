@@ -66,6 +66,7 @@ def falling_root(
     function: Callable[[C, Vector], Vector],
     context: C,
     bracket: tuple[Vector, Vector],
+    *,
     start: Vector,
 ) -> Vector:
     """Where an elementwise function falls through zero, entry by entry.

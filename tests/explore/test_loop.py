@@ -249,7 +249,7 @@ def test_after_a_slip_nothing_is_mixed(tmp_path, slips_at, last_good):
     assert again.state == state
     good = explorer(width_deg=1.0)
     for row in own.history.told[:last_good]:
-        good.tell(row.theta, row.alpha, row.heights, row.sd)
+        good.tell(row.theta, row.alpha, row.heights, sd=row.sd)
     np.testing.assert_allclose(
         np.average(own.belief.samples["theta_c"], weights=own.belief.weights),
         np.average(good.belief.samples["theta_c"], weights=good.belief.weights),

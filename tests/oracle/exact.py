@@ -88,7 +88,7 @@ def exact_posterior(
     grid = exact_grid(setup, fit)
     x = draw(grid, n_draws, np.random.default_rng(seed))
     return ExactPosterior(
-        samples=samples_mapping(setup.problem, x, reference_alpha, reach),
+        samples=samples_mapping(setup.problem, x, reference_alpha, reach=reach),
         log_evidence=grid.log_evidence,
         log_evidence_error=grid.log_evidence_error,
     )

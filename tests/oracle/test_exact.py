@@ -130,7 +130,7 @@ def test_without_data_draws_follow_the_prior():
     fit = fit_least_squares(setup, reference_alpha=ALPHA)
     result = exact_posterior(without_data(setup), fit, seed=3, **WORDS)
     x = prior_x_samples(setup.problem, np.random.default_rng(4), 4000)
-    prior = samples_mapping(setup.problem, x, ALPHA, REACH)
+    prior = samples_mapping(setup.problem, x, ALPHA, reach=REACH)
     for name in ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L", "theta_c"):
         pair = result.samples[name], prior[name]
         assert stats.ks_2samp(*pair).pvalue > KS_LEVEL, name

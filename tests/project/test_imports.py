@@ -227,3 +227,22 @@ def test_no_function_class_or_alias_has_the_name_of_another():
                 places.setdefault(name, []).append(str(path.relative_to(PACKAGE)))
     assert places.pop("main")
     assert {k: where for k, where in places.items() if len(where) > 1} == {}
+
+
+def public_functions(path: Path) -> list[ast.FunctionDef]:
+    """Functions and methods without an underscore that are not inside of another."""
+    parts = ast.parse(path.read_text()).body
+    classes = [part for part in parts if isinstance(part, ast.ClassDef)]
+    parts += [part for one in classes for part in one.body]
+    found = [part for part in parts if isinstance(part, ast.FunctionDef)]
+    return [one for one in found if not one.name.startswith("_")]
+
+
+def test_public_functions_take_at_most_three_arguments_without_their_names():
+    many = {
+        f"{module_name(path)}.{function.name}"
+        for path in FILES
+        for function in public_functions(path)
+        if len([a for a in function.args.args if a.arg not in ("self", "cls")]) > 3
+    }
+    assert many == set()

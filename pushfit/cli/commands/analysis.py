@@ -43,7 +43,7 @@ def identify(
         session,
         load,
         settings,
-        wanted,
+        wanted=wanted,
         recordings=tuple(str(path) for path in recordings),
         schedules=tuple(str(path) for path in schedules or ()),
     )
@@ -62,7 +62,7 @@ def fit(
     warn_of_unread(session, config, table)
     settings = read_config(config)
     load = partial(load_table, table, settings)
-    return analyse(session, load, settings, wanted, table=str(table))
+    return analyse(session, load, settings, wanted=wanted, table=str(table))
 
 
 def demo(
@@ -92,6 +92,7 @@ def analyse(
     session: CommandSession,
     load: Callable[[], "PeakTable"],
     settings: "GraspConfig",
+    *,
     wanted: options.Analysis,
     **inputs: Any,
 ) -> int:

@@ -98,7 +98,7 @@ class Look:
         pushes = {hump.t_peak for hump in as_told.extents if not hump.is_brush}
         self.signed: bool = signed
         self.humps: tuple[Extent, ...] = found.extents
-        self._tops = tops(self.time, self.signal, found, told)
+        self._tops = tops(self.time, self.signal, found, settings=told)
         self.counts: list[bool] = [hump.t_peak in pushes for hump in self.humps]
         self.theta_deg: list[float] = [np.nan] * len(self.humps)
         self.alpha_deg: list[float] = [np.nan] * len(self.humps)

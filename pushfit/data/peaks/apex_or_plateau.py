@@ -73,6 +73,7 @@ def calmed(
     profile: Float[np.ndarray, "p m"],
     base: Float[np.ndarray, " p"],
     extents: Sequence[Extent],
+    *,
     noise: RestNoise,
 ) -> Float[np.ndarray, "p m"]:
     """Profiles averaged over so many parts that their noise is small in the band."""

@@ -85,6 +85,7 @@ def scatter(
     signal: Float[np.ndarray, " n"],
     windows: Int[np.ndarray, "w 2"],
     n_pushes: int,
+    *,
     floor: float,
 ) -> Float[np.ndarray, " p"]:
     """Standard deviations of a sample within blocks; NaN from too few of them.
@@ -105,6 +106,7 @@ def correlation_of(
     signal: Float[np.ndarray, " n"],
     windows: Int[np.ndarray, "w 2"],
     n_pushes: int,
+    *,
     floor: float,
 ) -> Float[np.ndarray, " p"]:
     """Variances of means over those of independent samples; 1 where too few tell.

@@ -237,7 +237,7 @@ def find(
         ]
     found = FoundHumps(extents=tuple(extents), course=course, dips=dips)
     is_named = bool(settings.exclude or settings.include)
-    times = tops(time, signal, found, settings) if is_named else None
+    times = tops(time, signal, found, settings=settings) if is_named else None
     return _as_told(found, settings, times or [[e.t_peak] for e in extents])
 
 
@@ -245,6 +245,7 @@ def tops(
     time: Float[np.ndarray, " n"],
     signal: Float[np.ndarray, " n"],
     found: FoundHumps,
+    *,
     settings: PeakSettings,
 ) -> list[list[float]]:
     """Times by which windows name each hump [s].

@@ -149,7 +149,7 @@ def measure_heights(
         course = RunningMeans.of(time, _upright(signal, extents, base.level))
     windows = np.array([[e.t_start, e.t_end] for e in extents])
     profile = bin_means(course, windows, PROFILE_BINS)[0]
-    calm = calmed(profile, base.level, extents, noise)
+    calm = calmed(profile, base.level, extents, noise=noise)
     missing = np.array(is_missing or [False] * len(extents))
     shaped = are_held(course, extents, calm=calm, base=base.level, noise=noise)
     stated = np.full(len(extents), definition == "plateau")

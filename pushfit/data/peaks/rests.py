@@ -101,13 +101,13 @@ class _Beside:
         least = np.maximum(_LEAST_JUDGED * most - self.feet.span, 0.0)
         reach = np.clip(self.feet.width, least, most)
         near, far = (np.concatenate(self.windows(more)) for more in (0.0, reach))
-        sigma = scatter(self.signal, near, n, floor)
+        sigma = scatter(self.signal, near, n, floor=floor)
         if np.isnan(sigma).any():
-            whole = scatter(self.signal, far, n, floor)
+            whole = scatter(self.signal, far, n, floor=floor)
             sigma = np.where(np.isnan(sigma), whole, sigma)
         return RestNoise(
             sigma=np.nan_to_num(sigma, nan=general.sigma),
-            correlation=correlation_of(self.signal, far, n, floor),
+            correlation=correlation_of(self.signal, far, n, floor=floor),
             quantum=general.quantum,
         )
 

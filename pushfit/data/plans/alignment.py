@@ -136,7 +136,7 @@ def align(
     alike = np.ones(len(times)) if heights is None else heights
 
     def runs(n_cycles: int) -> Case:
-        return Case.of(times, alike, brush, plan, n_cycles=n_cycles, span=span)
+        return Case.of(times, alike, brush, plan=plan, n_cycles=n_cycles, span=span)
 
     likely = max(1, round(np.count_nonzero(~brush) / plan.n_pushes))
     # Some directions may show nothing in any of more runs, or bumps pass for a run.
@@ -348,7 +348,7 @@ def _rhythm_shown(
     if case.is_timed or there.size < 2:
         return np.inf if case.is_timed else 0.0
     gaps = np.diff(case.times[hump[there]]) / (scale * case.period)
-    cost = case.cost_of_gaps(gaps, there[:-1], there[1:], scatter)
+    cost = case.cost_of_gaps(gaps, there[:-1], there[1:], scatter=scatter)
     return -float(cost.sum()) - math.log(math.comb(len(case.times), there.size))
 
 

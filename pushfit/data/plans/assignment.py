@@ -129,7 +129,7 @@ class _Steady:
         for i in range(1, n):
             k = np.arange(i)[:, None]
             # By humps left over, then by the pair before, then by the hump.
-            off = case.cost_of_gaps(gap[:, None], k, np.array(i), self.scatter)
+            off = case.cost_of_gaps(gap[:, None], k, np.array(i), scatter=self.scatter)
             is_repeat = case.direction[i] == case.direction[k]
             off = off + np.where(is_repeat, unlike[:, None], 0.0)
             way = cost[:i, before].swapaxes(0, 1) + off + MISSING * (i - 1 - k)
@@ -159,7 +159,7 @@ class _Steady:
         off = gaps
         if off is None:
             times = np.diff(case.times[taken])
-            off = case.cost_of_gaps(times, first, last, self.scatter).sum()
+            off = case.cost_of_gaps(times, first, last, scatter=self.scatter).sum()
         is_same = case.direction[first] == case.direction[last]
         off = off + case.cost_of_repeats(taken[:-1][is_same], taken[1:][is_same])
         off = off + case.cost_of_other_repeats(hump)

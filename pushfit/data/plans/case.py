@@ -75,8 +75,8 @@ class Case:
         times: Float[np.ndarray, " m"],
         heights: Float[np.ndarray, " m"],
         brush: Bool[np.ndarray, " m"],
-        plan: PushSchedule,
         *,
+        plan: PushSchedule,
         n_cycles: int,
         span: tuple[float, float],
     ) -> "Case":
@@ -168,6 +168,7 @@ class Case:
         gaps: Float[np.ndarray, "*#s"],
         first: Int[np.ndarray, "*#s"],
         last: Int[np.ndarray, "*#s"],
+        *,
         scatter: float,
     ) -> Float[np.ndarray, "*#s"]:
         """Cost of times between humps: a normal density about those between pushes.
@@ -206,7 +207,7 @@ class Case:
         beats = np.maximum(np.round(more), 1.0)
         pause = np.where(np.abs(more - beats) < IN_TIME, _PAUSE_OF_BEATS, _ONE_PAUSE)
         may_pause = (more > 0) & (np.diff(self.stretch) > 0)
-        cost = self.cost_of_gaps(gaps, k, k + 1, scatter)
+        cost = self.cost_of_gaps(gaps, k, k + 1, scatter=scatter)
         cost = np.where(may_pause, np.minimum(cost, pause), cost)
         return float(min(cost.sum(), _cost_by_hand(gaps, steps)))
 

@@ -123,7 +123,11 @@ class PushSchedule:
             ([0.2, 0.2, 0.4, 0.4], [1, 2, 1, 2])
         """
         check_numbers(
-            "repeats", repeats, 1.0, LARGEST, rule="a whole number, 1 or above"
+            "repeats",
+            repeats,
+            low=1.0,
+            high=LARGEST,
+            rule="a whole number, 1 or above",
         )
         check_together("PushSchedule", theta=theta, alpha=alpha)
         theta, alpha = (np.ravel(a) for a in np.broadcast_arrays(theta, alpha))

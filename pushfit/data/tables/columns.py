@@ -269,7 +269,7 @@ def _doubtful(
         stem = nearest_stem(column.stem, known, taken=meant)
         if stem and stem not in meant:
             meant.add(stem)
-            names = near_names(column.stem, column.unit, stem, known[stem])
+            names = near_names(column.stem, column.unit, stem, holds=known[stem])
             text = f"is not known here; did you mean {names}?"
             yield origin.problem("near_miss_column", text, column=given, value=given)
     for stems in (*((stem,) for stem in ANGLES), any_of):

@@ -40,7 +40,7 @@ def nearest_stem(name: str, known: Known, *, taken: Collection[str]) -> str | No
     return stem if is_meant else stem_of[near[0]]
 
 
-def near_names(name: str, unit: Unit | None, stem: str, holds: Holds) -> str:
+def near_names(name: str, unit: Unit | None, stem: str, *, holds: Holds) -> str:
     """Names that a column may have been meant to have.
 
     Args:

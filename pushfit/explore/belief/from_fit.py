@@ -236,7 +236,7 @@ def _prior_belief(question: Question, seed: int) -> Belief:
     rng = np.random.default_rng(seed)
     x = prior_x_samples(setup.problem, rng, N_DRAWS)
     reach = reach_of(question.settings)
-    samples = samples_mapping(setup.problem, x, question.reference_alpha, reach)
+    samples = samples_mapping(setup.problem, x, question.reference_alpha, reach=reach)
     belief = belief_from(setup, samples, seed=seed, is_guess=True)
     told = settings_warnings(question.config, question.unit)
     return replace(belief, warnings=tuple(told))

@@ -145,7 +145,11 @@ class History:
 
 
 def start_event(
-    question: Question, judge: Judge, limits: Limits, hand: Mapping[str, object] | None
+    question: Question,
+    judge: Judge,
+    limits: Limits,
+    *,
+    hand: Mapping[str, object] | None,
 ) -> Event:
     """First line of a journal: the question, and who is to make the pushes."""
     return {

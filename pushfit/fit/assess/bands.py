@@ -31,8 +31,8 @@ def prediction_bands(
     table: PeakTable,
     problem: Problem,
     fit: FitResult,
-    samples: Mapping[str, Float[np.ndarray, " n"]],
     *,
+    samples: Mapping[str, Float[np.ndarray, " n"]],
     prob: float,
 ) -> tuple[Band, ...]:
     """Predictions along up to sixteen sweeps of three angles or more, richest first."""

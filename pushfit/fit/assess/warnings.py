@@ -68,7 +68,7 @@ def lost_contact_rows(setup: Setup, fit: FitResult) -> tuple[int, ...]:
 
 
 def contact_warnings(
-    table: PeakTable, config: GraspConfig, rows: tuple[int, ...], fit: FitResult
+    table: PeakTable, config: GraspConfig, rows: tuple[int, ...], *, fit: FitResult
 ) -> Iterator[ResultWarning]:
     """Say which pushes were left out because the finger lifted off, and if it cannot.
 

@@ -68,6 +68,7 @@ def violations(
     table: PeakTable,
     setup: Setup,
     fit: FitResult,
+    *,
     slopes: Float[np.ndarray, "2 2 c m"],
 ) -> tuple[Violation, ...]:
     """Alternatives to the assumptions of a fit, the most telling first.

@@ -87,7 +87,7 @@ class Fitted:
     @cached_property
     def shown(self) -> tuple[Violation, ...]:
         """What residuals speak against, the most telling first."""
-        return violations(self.table, self.setup, self.fit, self.slopes)
+        return violations(self.table, self.setup, self.fit, slopes=self.slopes)
 
 
 class Listener:
@@ -132,7 +132,7 @@ def fit_as_stated(
     setup, fit = _fit(setup, reference_alpha)
     lost = lost_contact_rows(setup, fit)
     if lost:
-        warnings = (*warnings, *contact_warnings(table, config, lost, fit))
+        warnings = (*warnings, *contact_warnings(table, config, lost, fit=fit))
         table = table.with_flag(lost, "lost_contact")
         setup, fit = _fit(build_problem(table, config), reference_alpha)
     excess = scatter_warning(table, setup, fit) if given == "auto" else None

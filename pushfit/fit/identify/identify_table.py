@@ -188,7 +188,11 @@ def _conclude(
         bands=()
         if is_brief
         else prediction_bands(
-            fitted.table, problem, fitted.fit, posterior.samples, prob=prob
+            fitted.table,
+            problem,
+            fitted.fit,
+            samples=posterior.samples,
+            prob=prob,
         ),
         warnings=(
             *fitted.warnings,

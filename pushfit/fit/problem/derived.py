@@ -27,6 +27,7 @@ def samples_mapping(
     problem: Problem,
     x_samples: Float[np.ndarray, "n p"],
     reference_alpha: float,
+    *,
     reach: tuple[float, float],
 ) -> dict[str, Float[np.ndarray, " n"]]:
     """Every reported quantity at each point.

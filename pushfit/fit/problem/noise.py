@@ -98,12 +98,12 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
         return _of_each(table, config, PeakTable.pooled_sd)
     if stated is not None and not is_crossed(*both_ways(table)):
         noise = _of_each(table, config, PeakTable.pooled_sd)
-        return replace(noise, shared=effect_sds(table, table, kind, stated))
+        return replace(noise, shared=effect_sds(table, table, kind, stated=stated))
     alone = without_repeat_effects(table, kind)
     noise = _of_each(alone, config, scatter_beside_effects)
     return replace(
         noise,
-        shared=effect_sds(table, alone, kind, stated),
+        shared=effect_sds(table, alone, kind, stated=stated),
         warnings=(*noise.warnings, repeat_warning(table, alone, kind)),
     )
 

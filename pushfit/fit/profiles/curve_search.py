@@ -118,7 +118,9 @@ def best_fits(
         level=level,
     )
     numbers = jnp.arange(len(course.held))
-    _, found = in_rounds(course.objective, numbers, course.first(best), best, course)
+    _, found = in_rounds(
+        course.objective, numbers, course.first(best), state=best, onward=course
+    )
     curve, ends = (jax.tree.map(lambda a, i=i: a[i], found) for i in (-2, -1))
     return curve, ends
 
@@ -195,7 +197,7 @@ class CurveRounds:
 
         def starts(nodes: Expansion) -> Float[Array, "m k w"]:
             at = nodes.y[:, 0]
-            return neighbouring(self.target, nodes, self.is_free_ahead, at)
+            return neighbouring(self.target, nodes, self.is_free_ahead, at=at)
 
         found = jax.vmap(starts)(jax.tree.map(_by_family, met.ends))
         found = found.reshape(N_VALUES, *found.shape[2:])
@@ -226,7 +228,9 @@ class CurveRounds:
         """From round to round of the curve."""
         target, is_final = self.target, met.number == self.last - 1
         nodes = ascending(met.ends)
-        return next_round(target, nodes, target.is_free, self._placing, is_final), best
+        return next_round(
+            target, nodes, target.is_free, placing=self._placing, is_final=is_final
+        ), best
 
     def _placing(self, nodes: Expansion) -> Float[Array, " g"]:
         """Where its values are wanted: many where it crosses the level."""

@@ -213,7 +213,7 @@ def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
     for _ in range(3 if has_weights else 1):
         points, _, _ = polish(problem, points, n_rounds)
         predicted = _heights_at(problem, points[0])
-        added, shares = uneven_noise(stated, noise, points[0], predicted)
+        added, shares = uneven_noise(stated, noise, points[0], predicted=predicted)
         problem = with_known_noise(stated, added)
         if is_sampled:
             problem = with_noise_of(problem, predicted)

@@ -52,6 +52,7 @@ def uneven_noise(
     problem: Problem,
     noise: Noise,
     y: Float[np.ndarray, " q"],
+    *,
     predicted: Float[np.ndarray, "c n"],
 ) -> tuple[Float[np.ndarray, "c n"], Float[np.ndarray, "3"]]:
     """Noise that differs from push to push, and what was open of it.

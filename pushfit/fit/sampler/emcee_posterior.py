@@ -143,8 +143,8 @@ def sample_posterior(
     by_ensemble = chain.reshape(len(chain), diagnostics.n_ensembles, -1, len(prior[0]))
     is_converged = not diagnostics.problems
     return PosteriorResult(
-        samples=samples_mapping(problem, points[chosen], reference_alpha, reach),
-        prior_samples=samples_mapping(problem, prior, reference_alpha, reach),
+        samples=samples_mapping(problem, points[chosen], reference_alpha, reach=reach),
+        prior_samples=samples_mapping(problem, prior, reference_alpha, reach=reach),
         log_prob=log_prob.ravel()[chosen],
         chain=np.swapaxes(by_ensemble, 0, 1),
         chain_names=problem.names,

@@ -68,6 +68,7 @@ def channel_log_likelihood(
     pooled: Pooled,
     channel: int,
     difference: Float[Array, " n"],
+    *,
     variance: Float[Array, " n"],
 ) -> Scalar:
     """Log density of the heights of a channel.
@@ -99,6 +100,7 @@ def log_likelihood_of_sigma(
     pooled: Pooled,
     channel: int,
     difference: Float[Array, " n"],
+    *,
     ln_sigma: Float[Array, " k"],
 ) -> Float[Array, " k"]:
     """Log likelihood of a channel at several values of its sampled noise."""
@@ -110,7 +112,7 @@ def log_likelihood_of_sigma(
 
     def one(ln_sigma: Scalar) -> Scalar:
         variance = sd**2 + jnp.exp(2 * ln_sigma)
-        return channel_log_likelihood(pooled, channel, difference, variance)
+        return channel_log_likelihood(pooled, channel, difference, variance=variance)
 
     return jax.vmap(one)(ln_sigma)
 
@@ -132,7 +134,7 @@ def log_likelihood(
             sampled = jnp.exp(2 * ln_sigma[f"ln_sigma_{name}"])
             variance = pooled.problem.sd[channel] ** 2 + sampled
         own = difference[channel]
-        total = total + channel_log_likelihood(pooled, channel, own, variance)
+        total = total + channel_log_likelihood(pooled, channel, own, variance=variance)
     return total
 
 
@@ -155,7 +157,7 @@ def sigma_nodes(
     )
     stretch = jnp.where(share < 0, below, above)
     ln_sigma = centre + width * jnp.sinh(stretch * share)
-    level = log_likelihood_of_sigma(pooled, channel, difference, ln_sigma)
+    level = log_likelihood_of_sigma(pooled, channel, difference, ln_sigma=ln_sigma)
     return ln_sigma, level + prior.log_prob(ln_sigma)
 
 
@@ -175,7 +177,9 @@ def noise_terms(pooled: Pooled, difference: Float[Array, "c n"]) -> NoiseTerms:
         else:
             variance = pooled.problem.reference_sigma[channel] ** 2
             rows = _weights(pooled, channel, own, variance)
-            total = total + channel_log_likelihood(pooled, channel, own, variance)
+            total = total + channel_log_likelihood(
+                pooled, channel, own, variance=variance
+            )
         weights.append(jnp.where(pooled.problem.mask[channel], rows, 0.0))
     return NoiseTerms(total, jnp.stack(weights))
 

@@ -73,7 +73,11 @@ def later_round(target: Target, nodes: Expansion, number: Int[Array, ""]) -> Rou
         return tempered(nodes.y[:, 0], jax.vmap(log_density)(nodes), TEMPERS)
 
     return next_round(
-        target, nodes, _is_followed(target), placing, number == N_ROUNDS - 2
+        target,
+        nodes,
+        _is_followed(target),
+        placing=placing,
+        is_final=number == N_ROUNDS - 2,
     )
 
 
@@ -93,6 +97,7 @@ def next_round(
     target: Objective,
     nodes: Expansion,
     is_free: Bool[Array, " q"],
+    *,
     placing: Placing,
     is_final: Bool[Array, ""],
 ) -> Round:
@@ -109,7 +114,7 @@ def next_round(
     slides = (jnp.arange(u.size) < N_MODES) & ~is_final
     is_first = jnp.arange(is_free.size) == 0
     along = slides[:, None] & is_first[None]
-    return again(neighbouring(target, nodes, is_free, at), is_free[None] | along)
+    return again(neighbouring(target, nodes, is_free, at=at), is_free[None] | along)
 
 
 def begun(
@@ -227,6 +232,7 @@ def neighbouring(
     target: Objective,
     nodes: Expansion,
     is_free: Bool[Array, " q"],
+    *,
     at: Float[Array, " m"],
 ) -> Float[Array, "m k q"]:
     """Starts at values of the first coordinate, as the nodes around them offer.

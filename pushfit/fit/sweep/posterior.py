@@ -128,7 +128,9 @@ def sweep_posterior(
     weighted = weighted_draws(target, seed=seed)
     x, log_prob = weighted.resampled(N_RETURNED, rng)
     prior = prior_points(problem, reference_alpha, rng)
-    both = samples_mapping(problem, np.concatenate([x, prior]), reference_alpha, reach)
+    both = samples_mapping(
+        problem, np.concatenate([x, prior]), reference_alpha, reach=reach
+    )
     return PosteriorResult(
         samples={name: values[:N_RETURNED] for name, values in both.items()},
         prior_samples={name: values[N_RETURNED:] for name, values in both.items()},

@@ -73,6 +73,7 @@ def in_rounds(
     target: ObjectiveOf,
     numbers: N,
     first: Round,
+    *,
     state: S,
     onward: Callable[[N, Expansion, S], tuple[K, Round, S]],
 ) -> tuple[S, K]:

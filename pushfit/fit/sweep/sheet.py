@@ -168,7 +168,11 @@ def _swept(target: Target) -> tuple[Scale, Expansion]:
     first = first_round(target)
     numbers = jnp.arange(N_ROUNDS + MET.size)
     outer, found = in_rounds(
-        lambda _: target, numbers, first, unknown_expansion(first.starts[:, 0]), onward
+        lambda _: target,
+        numbers,
+        first,
+        state=unknown_expansion(first.starts[:, 0]),
+        onward=onward,
     )
     # The outer nodes are the middle of the inner ones.
     met = np.argsort(np.append(0.0, MET), kind="stable") + N_ROUNDS - 1

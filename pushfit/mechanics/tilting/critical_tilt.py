@@ -156,7 +156,7 @@ def _axis_angles(
     lowest = jnp.pi - tie
     state = (group, grasp, azimuth)
     bracket = (jnp.zeros_like(tie), lowest)
-    descent = falling_root(room, state, bracket, jnp.pi / 2 - tie)
+    descent = falling_root(room, state, bracket, start=jnp.pi / 2 - tie)
     angle = jnp.where(descent < lowest, jnp.pi / 2 - descent, jnp.nan)
     return angle[: alpha.size], angle[alpha.size :]
 
@@ -191,8 +191,10 @@ def _critical_force(
     state = (hold, lean, grasp.push_length)
     # With a preload the least force that a push can reach may be above zero; θ_c is
     # where the push leaves the range, not where it enters it.
-    closest = jax.lax.stop_gradient(falling_root(closing, state, (zero, upper), zero))
-    force = falling_root(room, state, (closest, upper), upper)
+    closest = jax.lax.stop_gradient(
+        falling_root(closing, state, (zero, upper), start=zero)
+    )
+    force = falling_root(room, state, (closest, upper), start=upper)
     return state, force, (room(state, closest) > 0) & (room(state, upper) < 0)
 
 

@@ -120,7 +120,7 @@ def equilibrium(hold: Hold, sharpness: Sharpness) -> tuple[Vector, Vector]:
             state[0], state[1], tilted(state[0], angle)
         )
 
-    return falling_root(given, (hold, force), _bracket(hold), start), force
+    return falling_root(given, (hold, force), _bracket(hold), start=start), force
 
 
 def unrolled_tilt(hold: Hold) -> Vector:
@@ -146,7 +146,7 @@ def _tilted_by(
         tilt = tilted(hold, angle)
         return hold.along - displacement(hold, balance(hold, tilt), tilt)
 
-    return falling_root(excess, hold, _bracket(hold), start)
+    return falling_root(excess, hold, _bracket(hold), start=start)
 
 
 def _unrolled_guess(hold: Hold) -> Vector:

@@ -68,6 +68,7 @@ def draw_jerks(
     axes: "Axes",
     time: Float[np.ndarray, " n"],
     signal: Float[np.ndarray, " n"],
+    *,
     is_jerk: Bool[np.ndarray, " n"],
 ) -> None:
     """Draw what was left out.

@@ -210,7 +210,7 @@ def _draw_panel(
     kept = np.where(is_jerk, np.nan, signal)
     axes.plot(time, kept, color=DATA, lw=0.8, zorder=2)
     if is_jerk.any():
-        draw_jerks(axes, time, signal, is_jerk)
+        draw_jerks(axes, time, signal, is_jerk=is_jerk)
     has_stretches = "first_s" in marks
     draw_pushes(axes, marks, tip="" if has_stretches else "_")
     if has_stretches:

@@ -125,11 +125,11 @@ def test_a_lifted_finger_reads_minus_the_preload_but_for_drift_and_noise(
     frame = table.frame.assign(height_n=heights)
     lifted = PeakTable.from_frame(frame).with_flag(rows, "lost_contact")
     settings = config(f"[grasp]\npreload_n = {stated}\n")
-    told = {w.code for w in contact_warnings(lifted, settings, rows, found.fit)}
+    told = {w.code for w in contact_warnings(lifted, settings, rows, fit=found.fit)}
     assert ("preload_contradicted" in told) is is_said
     normal = {n: n.replace("ht_", "ht_normal_") for n in ("height_n", "height_sd_n")}
     other = PeakTable.from_frame(frame.rename(columns=normal))
-    told = [w.code for w in contact_warnings(other, settings, rows, found.fit)]
+    told = [w.code for w in contact_warnings(other, settings, rows, fit=found.fit)]
     assert told == ["lost_contact"]
 
 

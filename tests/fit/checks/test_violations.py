@@ -79,7 +79,9 @@ def found(kind: str) -> list[tuple[Violation, ...]]:
     """Alternatives of tables of one world."""
     normal = config(CONSTANT)
     fitted = [fit_table(pushes(kind, seed), normal) for seed in range(N_TABLES)]
-    return [violations(one.table, one.setup, one.fit, one.slopes) for one in fitted]
+    return [
+        violations(one.table, one.setup, one.fit, slopes=one.slopes) for one in fitted
+    ]
 
 
 @pytest.mark.parametrize(
@@ -124,7 +126,7 @@ def told(one: Fitted, **changed) -> set[str]:
     parts = {"problem": one.setup.problem, "noise": one.setup.noise, "fit": one.fit}
     parts = {n: replace(part, **changed.get(n, {})) for n, part in parts.items()}
     fit = parts.pop("fit")
-    found = violations(one.table, replace(one.setup, **parts), fit, one.slopes)
+    found = violations(one.table, replace(one.setup, **parts), fit, slopes=one.slopes)
     return {violation.code for violation in found}
 
 
@@ -163,7 +165,7 @@ def test_what_is_part_of_the_model_is_no_violation_of_it(shifted):
 
 def test_noise_of_several_sizes_is_not_called_heavy_tailed_too():
     one = fit_table(pushes("proportional", 0), config(CONSTANT))
-    first, *others = violations(one.table, one.setup, one.fit, one.slopes)
+    first, *others = violations(one.table, one.setup, one.fit, slopes=one.slopes)
     assert first.code == "looks_proportional"
     assert first.p_value < LEVEL
     assert "looks_heavy_tailed" not in {violation.code for violation in others}
@@ -250,7 +252,7 @@ def test_rounding_speaks_against_nothing():
         unit="n",
     )
     fitted = fit_table(table, config())
-    assert violations(table, fitted.setup, fitted.fit, fitted.slopes) == ()
+    assert violations(table, fitted.setup, fitted.fit, slopes=fitted.slopes) == ()
 
 
 def test_a_rejected_model_asks_less_of_an_explanation():
@@ -305,7 +307,7 @@ def test_a_constant_is_that_of_the_component_that_has_it():
     constant = 0.1 * float(table.frame[column].max())
     frame = table.frame.assign(**{column: table.frame[column] + constant})
     one = fit_table(PeakTable.from_frame(frame), config(CONSTANT))
-    found = violations(one.table, one.setup, one.fit, one.slopes)
+    found = violations(one.table, one.setup, one.fit, slopes=one.slopes)
     first = next(v for v in found if v.code == "looks_like_a_constant")
     size, of = re.search(r"those of (\S+) in all of (\S+),", first.text).groups()
     assert of == column
@@ -318,7 +320,9 @@ def test_heights_are_tall_in_units_of_the_noise_of_their_component(share, is_nam
     """One component scatters by a fraction of what the other does."""
     normal = config(CONSTANT)
     fitted = [fit_table(components(share, seed), normal) for seed in range(N_TABLES)]
-    each = [violations(one.table, one.setup, one.fit, one.slopes) for one in fitted]
+    each = [
+        violations(one.table, one.setup, one.fit, slopes=one.slopes) for one in fitted
+    ]
     named = [found[0].code for found in each if found[0].p_value < LEVEL]
     assert (named.count("looks_proportional") > N_TABLES / 2) is is_named
 

@@ -214,7 +214,7 @@ def noise_of(problem, state):
 
 def quantities(problem, x, reference_alpha):
     """All that is reported of each point, and how well it fits its data."""
-    values = samples_mapping(problem, x, reference_alpha, REACH)
+    values = samples_mapping(problem, x, reference_alpha, reach=REACH)
     more = fits(problem, jnp.asarray(x))
     return values | {name: np.asarray(value) for name, value in more.items()}
 

@@ -48,7 +48,7 @@ def test_each_draw_is_the_model_at_that_draw(name):
     problem = build_problem(case_table(case), config(text)).problem
     rng = np.random.default_rng(1)
     x = rng.normal(0, 0.3, (5, len(problem.names))) + 1.0
-    samples = samples_mapping(problem, x, np.pi / 2, REACH)
+    samples = samples_mapping(problem, x, np.pi / 2, reach=REACH)
     for i, row in enumerate(x):
         state = problem.state(jnp.asarray(row))
         for parameter in SIX:

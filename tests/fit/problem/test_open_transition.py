@@ -100,7 +100,7 @@ def test_a_point_is_one_of_a_stated_sharpness_and_its_prior(name):
 def test_draws_come_back_from_their_values(setup):
     problem = setup.problem
     x = prior_x_samples(problem, np.random.default_rng(2), 8)
-    values = samples_mapping(problem, x, ALPHA, REACH)
+    values = samples_mapping(problem, x, ALPHA, reach=REACH)
     np.testing.assert_allclose(encode(problem, values), x, rtol=ROUTES)
     np.testing.assert_allclose(
         values["p"], np.exp(x[:, problem.names.index("ln_p")]), rtol=EXACT
@@ -113,7 +113,7 @@ def test_the_critical_angle_does_not_depend_on_the_sharpness(setup):
     other = x.copy()
     other[:, problem.names.index("ln_p")] = 0.3
     one, two = (
-        samples_mapping(problem, v, ALPHA, REACH)["theta_c"] for v in (x, other)
+        samples_mapping(problem, v, ALPHA, reach=REACH)["theta_c"] for v in (x, other)
     )
     np.testing.assert_array_equal(one, two)
 
@@ -122,7 +122,7 @@ def test_bands_and_beliefs_predict_what_the_problem_does(setup):
     """Three ways from draws to heights take p from each draw."""
     problem = setup.problem
     x = prior_x_samples(problem, np.random.default_rng(4), 8)
-    samples = samples_mapping(problem, x, ALPHA, REACH)
+    samples = samples_mapping(problem, x, ALPHA, reach=REACH)
     theta, alpha = (
         np.asarray(a)[:5] for a in (problem.pushes.theta, problem.pushes.alpha)
     )

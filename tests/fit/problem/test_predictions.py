@@ -51,7 +51,7 @@ def test_points_are_predicted_as_one_by_one(problem, pushes):
 
 def test_draws_are_predicted_with_what_is_fixed_and_unknown(problem, pushes):
     x = prior_x_samples(problem, np.random.default_rng(3), 4)
-    samples = samples_mapping(problem, x, np.pi / 2, (0.0, np.pi))
+    samples = samples_mapping(problem, x, np.pi / 2, reach=(0.0, np.pi))
     angles = np.stack([pushes.theta, pushes.alpha])
     heights = predict_draws(problem, samples, angles).heights
     for i in range(len(x)):

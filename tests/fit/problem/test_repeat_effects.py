@@ -177,7 +177,11 @@ def test_the_chance_of_repeats_that_are_alike_is_uniform(n_sweeps):
     size, noise = 1.0 + np.sin(direction), 1.0 + repeat / 2
     chances = [
         repeat_p_value(
-            noise * rng.standard_normal(size.size), size, noise, direction, repeat
+            noise * rng.standard_normal(size.size),
+            size,
+            noise,
+            direction=direction,
+            repeat=repeat,
         )
         for _ in range(N_TABLES)
     ]

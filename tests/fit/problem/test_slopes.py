@@ -33,7 +33,7 @@ def test_what_is_searched_is_searched_once(in_turn, expected):
 
     def cube_root(y):
         bracket = jnp.zeros_like(y), jnp.full_like(y, 10.0)
-        return falling_root(lambda c, x: c - x**3, y, bracket, jnp.ones_like(y))
+        return falling_root(lambda c, x: c - x**3, y, bracket, start=jnp.ones_like(y))
 
     y = jnp.array([2.0, 27.0, 64.0])
     values, slopes = with_slopes(cube_root, y, in_turn=in_turn)

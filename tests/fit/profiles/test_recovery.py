@@ -46,12 +46,12 @@ def recovery(design, n, *, seed=5):
     low, high = SEEN_BETWEEN[design]
     angles = np.stack(
         [
-            samples_mapping(problem, x, float(alpha), REACH)["theta_c"]
+            samples_mapping(problem, x, float(alpha), reach=REACH)["theta_c"]
             for alpha in np.radians(DESIGNS[design][1])
         ]
     )
     is_seen = np.all((low < angles) & (angles < high), axis=0)
-    truths = samples_mapping(problem, x, ALPHA, REACH)
+    truths = samples_mapping(problem, x, ALPHA, reach=REACH)
     recovered, flagged = [], []
     for index in range(n):
         params = problem.state(jnp.asarray(x[index])).params

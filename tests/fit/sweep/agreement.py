@@ -31,7 +31,7 @@ def z_values(problem, result, exact, *, alpha, reach):
     # From ensembles, steps, walkers to one row of steps for each walker.
     by_walker = np.swapaxes(result.chain, 1, 2)
     points = by_walker.reshape(-1, by_walker.shape[-1])
-    chain = samples_mapping(problem, points, alpha, reach)
+    chain = samples_mapping(problem, points, alpha, reach=reach)
     z = {}
     for name in ("theta_c", *LOGS):
         change = np.log if name in LOGS else np.asarray

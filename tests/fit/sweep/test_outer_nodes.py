@@ -55,11 +55,15 @@ def test_no_node_stays_above_its_neighbours_valley():
 
     def onward(number, ends, _):
         nodes = ascending(ends)
-        following = next_round(target, nodes, is_free, even, number == 0)
+        following = next_round(
+            target, nodes, is_free, placing=even, is_final=number == 0
+        )
         return nodes, following, None
 
     first = begun(jnp.asarray(starts), is_free)
-    _, found = in_rounds(lambda _: target, jnp.arange(2), first, None, onward)
+    _, found = in_rounds(
+        lambda _: target, jnp.arange(2), first, state=None, onward=onward
+    )
     nodes = jax.tree.map(lambda a: a[-1], found)
     profile = (SLOPE * (nodes.y[:, 0] - FAR)) ** 2 / 2
     np.testing.assert_allclose(nodes.cost, profile, rtol=0, atol=EXACT)

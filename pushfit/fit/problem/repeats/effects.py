@@ -59,7 +59,7 @@ def without_repeat_effects(table: PeakTable, kind: str) -> PeakTable:
 
 
 def effect_sds(
-    before: PeakTable, after: PeakTable, kind: str, stated: float | None = None
+    before: PeakTable, after: PeakTable, kind: str, *, stated: float | None = None
 ) -> dict[str, Float[np.ndarray, "r n"]]:
     """Standard deviations of what heights of each repeat have in common, by channel.
 
@@ -250,13 +250,16 @@ def repeat_effect(table: PeakTable) -> tuple[str, float]:
         )
     # Every channel has directions and effects of its own.
     numbers = np.arange(len(heights))[:, None]
-    ways = [(way + numbers * (way.max() + 1)).ravel() for way in (direction, repeat)]
+    ways = {
+        name: (way + numbers * (way.max() + 1)).ravel()
+        for name, way in {"direction": direction, "repeat": repeat}.items()
+    }
     height, sd, mean = (np.concatenate(one) for one in (heights, noise, means))
     if not np.all(sd > 0):  # repeats are the same
         return "offset", np.nan
     chances = {
-        "offset": repeat_p_value(height, np.ones(height.size), sd, *ways),
-        "gain": repeat_p_value(height, mean, sd, *ways),
+        "offset": repeat_p_value(height, np.ones(height.size), sd, **ways),
+        "gain": repeat_p_value(height, mean, sd, **ways),
     }
     is_gain = chances["gain"] < PLAINLY_LIKELIER * chances["offset"]
     kind = "gain" if is_gain else "offset"
@@ -267,6 +270,7 @@ def repeat_p_value(
     heights: Float[np.ndarray, " n"],
     size: Float[np.ndarray, " n"],
     noise: Float[np.ndarray, " n"],
+    *,
     direction: Int[np.ndarray, " n"],
     repeat: Int[np.ndarray, " n"],
 ) -> float:
