@@ -53,7 +53,7 @@ def angle_error_warnings(
     if is_told or not quoted or found.posterior.status is not FitStatus.OK:
         return
     draws = {name: found.posterior.samples[name] for name in quoted.values()}
-    own = [float(np.std(unwrapped(values)[1])) for values in draws.values()]
+    own = [float(np.std(_about_middle(values))) for values in draws.values()]
     shifts = angle_error_shifts(setup, found, slopes, names=tuple(quoted.values()))
     words = (("elevation", "theta_sd_deg"), ("azimuth", "alpha_sd_deg"))
     for (word, key), sd, by in zip(words, stated, shifts, strict=True):
@@ -91,12 +91,21 @@ def angle_error_shifts(
     rows = np.linspace(0, n - 1, min(n, N_DRAWS)).astype(int)
     draws = {name: values[rows] for name, values in found.posterior.samples.items()}
     predicted = predict_draws(problem, draws, problem.angles).heights
-    angles = np.stack([unwrapped(draws[name])[1] for name in names])
-    angles -= np.mean(angles, axis=1, keepdims=True)
-    covariance = np.tensordot(angles, predicted, axes=1) / rows.size
+    covariances = []
+    for name in names:
+        # A contact that never rolls has no θ_c.
+        is_known = np.isfinite(draws[name])
+        off = _about_middle(draws[name])
+        covariances.append(np.tensordot(off, predicted[is_known], axes=1) / off.size)
     weight = np.where(problem.mask, np.asarray(problem.reference_sigma) ** -2.0, 0.0)
     mean_slopes = np.mean(slopes, axis=1)
-    shifts = np.einsum("qcn,cn,acn->aqn", covariance, weight, mean_slopes)
+    shifts = np.einsum("qcn,cn,acn->aqn", np.stack(covariances), weight, mean_slopes)
     _, direction = np.unique(problem.angles, axis=1, return_inverse=True)
     by_direction = shifts @ np.eye(direction.max() + 1)[direction]
     return COMMON_SD * np.sqrt(np.sum(by_direction**2, axis=2))
+
+
+def _about_middle(degrees: Float[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:
+    """Angles of the draws that have one, about their mean [deg]."""
+    _, off = unwrapped(degrees[np.isfinite(degrees)])
+    return off - np.mean(off)

@@ -1,15 +1,18 @@
 """What errors of the angles would move is what they do move."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.assess.sensitivity import angle_error_shifts
+from pushfit.fit.assess.sensitivity import angle_error_shifts, angle_error_warnings
 from pushfit.fit.identify.fit_table import fit_table
 from pushfit.fit.identify.fitted import sweep
 from pushfit.fit.identify.identify_table import identify_table
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
+from tests.tolerances import ROUTES
 
 THETA_DEG = np.arange(10.0, 86.0, 15.0)
 # What is asked for; what is tried, far below the bends and far above the noise.
@@ -78,6 +81,27 @@ def test_predicted_shift_is_that_of_elevations_that_are_off(found):
     fitted = fit_table(table(), config())
     shifts = angle_error_shifts(fitted.setup, found, fitted.slopes, names=("theta_c",))
     assert shifts[0, 0] == pytest.approx(expected, rel=CURVATURE)
+
+
+def test_draws_that_never_roll_are_no_part_of_what_is_quoted_or_moved(found):
+    """Twenty of 500 have no θ_c: what is said is that of the other 480."""
+    posterior, fitted = found.posterior, fit_table(table(), config())
+    rest = slice(20, 500)
+    theta_c = posterior.samples["theta_c"].copy()
+    theta_c[:20] = np.nan
+    with_nan = posterior.samples | {"theta_c": theta_c}
+    shifts, texts = [], []
+    for samples, rows in ((with_nan, slice(500)), (posterior.samples, rest)):
+        own = replace(
+            posterior,
+            samples={name: values[rows] for name, values in samples.items()},
+            log_prob=posterior.log_prob[rows],
+        )
+        words = fitted.setup, replace(found, posterior=own), fitted.slopes
+        shifts.append(angle_error_shifts(*words, names=("theta_c",)))
+        texts.append([warning.text for warning in angle_error_warnings(*words)])
+    np.testing.assert_allclose(shifts[0], shifts[1], rtol=ROUTES)
+    assert texts[0] == texts[1] != []
 
 
 def test_predicted_shift_is_that_of_azimuths_that_are_off():
