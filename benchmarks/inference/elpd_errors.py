@@ -33,7 +33,7 @@ def difference(seed: int, n_pushes: int) -> tuple[float, float]:
         fitted = fit_table(table, rival_configs(config())[name])
         posterior = draw_posterior(fitted, seed=0, engine="sweep")
         elpd[name] = push_densities(
-            fitted.setup.problem, posterior.samples, n_pushes=n_pushes, efficiency=1.0
+            fitted.setup.problem, posterior.samples, n_pushes=n_pushes
         ).elpd
     by_push = elpd["soft"] - elpd["hard"]
     return float(np.sum(by_push)), float(np.sqrt(n_pushes) * np.std(by_push, ddof=1))

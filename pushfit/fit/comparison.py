@@ -30,7 +30,7 @@ from pushfit.fit.problem.noise import with_plain_noise
 from pushfit.fit.problem.repeats.effects import both_ways, is_crossed
 from pushfit.fit.problem.setup import build_problem
 from pushfit.fit.profiles.least_squares import fit_least_squares, settle_noise
-from pushfit.fit.results import FitStatus, PosteriorResult
+from pushfit.fit.results import FitStatus
 
 # Differences below these tell nothing: a factor of e between evidences; between
 # predictive densities two standard errors, and 4, since standard errors of models that
@@ -294,7 +294,6 @@ def _score(name: str, fitted: Fitted, seed: int) -> ModelScore:
             problem,
             posterior.samples,
             n_pushes=n_pushes,
-            efficiency=_efficiency(posterior),
         )
     return ModelScore(
         name=name,
@@ -307,14 +306,6 @@ def _score(name: str, fitted: Fitted, seed: int) -> ModelScore:
         engine=posterior.engine,
         status=posterior.status,
     )
-
-
-def _efficiency(posterior: PosteriorResult) -> float:
-    """Independent draws per draw kept."""
-    if posterior.diagnostics is None:
-        return 1.0
-    ess = float(np.mean(list(posterior.diagnostics.ess.values())))
-    return min(1.0, ess / posterior.log_prob.size)
 
 
 def _sum_se(values: Float[np.ndarray, " n"]) -> float | None:

@@ -52,20 +52,18 @@ def push_densities(
     samples: Mapping[str, Float[np.ndarray, " m"]],
     *,
     n_pushes: int,
-    efficiency: float = 1.0,
 ) -> PushDensities:
     """Leave-one-out density of each push by Pareto-smoothed importance sampling.
 
     Args:
         n_pushes: Columns of the problem that are not padding.
-        efficiency: Independent draws per draw.
 
     References:
         Vehtari, Gelman & Gabry (2017), doi:10.1007/s11222-016-9696-4.
     """
     x = encode(problem, samples)
     densities = in_chunks(lambda rows: _push_log_likelihoods(problem, rows), x, CHUNK)
-    by_push = [left_out_density(one, efficiency) for one in densities.T[:n_pushes]]
+    by_push = [left_out_density(one) for one in densities.T[:n_pushes]]
     elpd, pareto_k, p_loo = np.asarray(by_push).T
     return PushDensities(
         elpd=elpd,
@@ -77,7 +75,7 @@ def push_densities(
 
 
 def left_out_density(
-    log_likelihood: Float[np.ndarray, " m"], efficiency: float
+    log_likelihood: Float[np.ndarray, " m"],
 ) -> tuple[float, float, float]:
     """Log density of one push given the others, Pareto k and effective parameters.
 
@@ -87,13 +85,12 @@ def left_out_density(
 
     Args:
         log_likelihood: Of the push, at each draw of all of them.
-        efficiency: Independent draws per draw.
     """
     from arviz_stats.base.array import array_stats  # noqa: PLC0415 - slow to load
 
     # "All tail values are the same", or a quarter of them, by which it divides.
     with contextlib.suppress(ValueError), np.errstate(all="ignore"):
-        found = array_stats.loo(log_likelihood[None, None], r_eff=efficiency)
+        found = array_stats.loo(log_likelihood[None, None])
         elpd, pareto_k, p_loo = (float(np.squeeze(value)) for value in found)
         if math.isfinite(elpd):
             return elpd, pareto_k, p_loo

@@ -25,7 +25,7 @@ N_PUSHES = 22
 def test_a_push_whose_largest_weights_are_one_number_has_a_density(low, pareto_k):
     """Of 1000 draws 100, more than are smoothed; 1 / E[1 / density], written out."""
     log_likelihood = np.r_[np.full(100, low), np.full(900, -1.0)]
-    elpd, k, p_loo = left_out_density(log_likelihood, 1.0)
+    elpd, k, p_loo = left_out_density(log_likelihood)
     expected = -np.log(0.1 * np.exp(-low) + 0.9 * np.exp(1.0))
     np.testing.assert_allclose(elpd, expected, rtol=EXACT)
     mean = 0.1 * np.exp(low) + 0.9 * np.exp(-1.0)
@@ -37,7 +37,7 @@ def test_a_push_with_one_draw_at_a_quarter_of_its_largest_weights_has_a_density(
     """Of 1000 draws 95 are smoothed; 45 of these are one, as is the largest below."""
     log_likelihood = np.r_[np.linspace(-5.0, -4.0, 50), np.full(100, -3.0)]
     log_likelihood = np.r_[log_likelihood, np.linspace(-2.0, -1.0, 850)]
-    elpd, k, p_loo = left_out_density(log_likelihood, 1.0)
+    elpd, k, p_loo = left_out_density(log_likelihood)
     expected = -np.log(np.mean(np.exp(-log_likelihood)))
     np.testing.assert_allclose(elpd, expected, rtol=EXACT)
     mean = np.mean(np.exp(log_likelihood))
