@@ -115,11 +115,12 @@ def test_of_a_linear_problem_the_chance_is_that_of_the_deleted_residual(monkeypa
 
 def test_pushes_are_doubted_by_their_deleted_residuals_or_where_they_stand_alone():
     """Least squares without each: the farthest first, then what others hardly know."""
-    n, n_numbers = 14, 3
+    n, n_numbers = 14, 4
     rng = np.random.default_rng(2)
-    design = np.c_[np.ones(n), np.arange(n), np.where(np.arange(n) == 9, 1.0, 0.05)]
-    design[4, 2] = -0.3
-    heights = 5 + design @ [1.0, 0.1, 1.0] + 0.1 * rng.standard_normal(n)
+    held = [np.where(np.arange(n) == i, 1.0, 0.05) for i in (9, 6)]
+    design = np.c_[np.ones(n), np.arange(n), *held]
+    design[4, 2], design[2, 3] = -0.3, -0.4
+    heights = 5 + design @ [1.0, 0.1, 1.0, 1.0] + 0.1 * rng.standard_normal(n)
     heights[[3, 11]] += [0.9, -0.7]
     table = PeakTable.from_arrays(
         theta=np.radians(np.linspace(10.0, 80.0, n)),
@@ -129,7 +130,7 @@ def test_pushes_are_doubted_by_their_deleted_residuals_or_where_they_stand_alone
     )
     predicted = design @ np.linalg.lstsq(design, heights)[0]
     whole = FitResult(
-        names=("a", "b", "c"),
+        names=("a", "b", "c", "d"),
         estimate=np.zeros(n_numbers),
         covariance=np.eye(n_numbers),
         jacobian=design,
@@ -156,7 +157,8 @@ def test_pushes_are_doubted_by_their_deleted_residuals_or_where_they_stand_alone
     far = [i for i in np.argsort(chances).tolist() if chances[i] < DOUBT]
     alone = [i for i in range(n) if unknown[i] > (1 - ALONE) / ALONE and i not in far]
     found = leave_one_out._doubted(build_problem(table, config()), whole)
-    assert found.tolist() == far + alone
+    assert found.tolist() == far + sorted(alone, key=lambda i: -unknown[i])
+    assert alone == [6, 9]
 
 
 def test_where_noise_is_stated_a_push_that_is_off_by_more_is_far_from_the_fit():

@@ -26,7 +26,7 @@ from pushfit.fit.identify.fitted import Fitted
 from pushfit.fit.problem.priors.distributions import default_prior
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
-from tests.tolerances import EXACT
+from tests.tolerances import EXACT, ROUTES
 
 NOISE = 0.01
 N_TABLES = 12
@@ -301,17 +301,62 @@ def components(share: float, seed: int) -> PeakTable:
     )
 
 
-def test_a_constant_is_that_of_the_component_that_has_it():
+@pytest.fixture(scope="module")
+def of_components() -> Fitted:
+    """Noise of two sizes, and a constant in one of both."""
     table = components(0.0, 0)
     column = "height_tangential_n"
-    constant = 0.1 * float(table.frame[column].max())
+    constant = OF_CONSTANT * float(table.frame[column].max())
     frame = table.frame.assign(**{column: table.frame[column] + constant})
-    one = fit_table(PeakTable.from_frame(frame), config(CONSTANT))
+    return fit_table(PeakTable.from_frame(frame), config(CONSTANT))
+
+
+def test_a_constant_is_that_of_the_component_that_has_it(of_components):
+    one, column = of_components, "height_tangential_n"
     found = violations(one.table, one.setup, one.fit, slopes=one.slopes)
     first = next(v for v in found if v.code == "looks_like_a_constant")
     size, of = re.search(r"those of (\S+) in all of (\S+),", first.text).groups()
     assert of == column
+    constant = OF_CONSTANT / (1 + OF_CONSTANT) * one.table.heights(column[:-2]).max()
     assert float(size) == pytest.approx(constant, rel=OF_CONSTANT)
+
+
+def test_alternatives_have_the_chances_of_textbook_tests(of_components):
+    """One-sided n R² of squares (Koenker), and Student's t of one more column."""
+    one, fit = of_components, of_components.fit
+    mask = np.asarray(one.setup.problem.mask)
+    residuals = (
+        np.asarray(one.setup.problem.observed)[mask] - fit.predicted
+    ) / fit.sigma
+    free = residuals - fit.jacobian @ np.linalg.lstsq(fit.jacobian, residuals)[0]
+    steep = np.sqrt(np.mean(one.slopes[0] ** 2, axis=0))[mask]
+    expected = []
+    for size in (steep, fit.predicted):
+        correlation = scipy.stats.linregress((size / fit.sigma) ** 2, free**2).rvalue
+        expected.append(scipy.stats.norm.sf(np.sqrt(free.size) * correlation))
+    for name in COMPONENTS:
+        column = (np.array(fit.channel) == name) / fit.sigma
+        design = np.column_stack([column, fit.jacobian])
+        (size, *_), (squares,), rank, _ = np.linalg.lstsq(design, residuals)
+        dof = free.size - rank
+        error = np.sqrt(np.linalg.inv(design.T @ design)[0, 0] * squares / dof)
+        expected.append(2 * scipy.stats.t.sf(abs(size) / error, dof))
+    found = violations(one.table, one.setup, one.fit, slopes=one.slopes)
+    codes = ("looks_like_angle_errors", "looks_proportional", "looks_like_a_constant")
+    chances = [v.p_value for v in found if v.code in codes]
+    np.testing.assert_allclose(chances, sorted(expected), rtol=ROUTES)
+
+
+def test_one_component_that_is_rounded_does_not_hide_the_other(of_components):
+    """Both are those of rounding before nothing is said."""
+    one, n_silent = of_components, []
+    for rows in (slice(1), slice(2)):
+        observed = np.array(one.setup.problem.observed)
+        predicted = np.zeros_like(observed)
+        predicted[np.asarray(one.setup.problem.mask)] = one.fit.predicted
+        observed[rows] = predicted[rows].round(2)
+        n_silent.append(not told(one, problem={"observed": observed}))
+    assert n_silent == [False, True]
 
 
 @pytest.mark.slow

@@ -237,8 +237,10 @@ def test_an_outlier_is_named_and_no_other():
     assert found.outliers == ("item 5",)
 
 
-def test_a_clean_population_has_no_outlier():
-    estimates = 1 + 0.3 * stats.norm.ppf((np.arange(20) + 0.5) / 20)
+@pytest.mark.parametrize("n", [20, 100])
+def test_a_clean_population_has_no_outlier(n):
+    """Of a hundred items the two at its ends are as far out as one in a hundred is."""
+    estimates = 1 + 0.3 * stats.norm.ppf((np.arange(n) + 0.5) / n)
     found = pool(items_at(estimates, 0.05), scale=SCALE)
     assert found is not None
     assert found.outliers == ()

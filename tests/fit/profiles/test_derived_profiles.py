@@ -62,22 +62,33 @@ def test_with_its_partners_a_spring_makes_the_whole(name):
     assert np.all(np.diff(profile.values) > 0)
 
 
-def test_a_whole_as_firm_as_one_spring_leaves_the_other_without_an_end():
-    """A spring in series with K_st = B is as firm as can be."""
-    fixed = {"K_st": B, "L": SPRINGS["L"]}
-    whole = profile_about("B", B)
-    low, high = ends_of(implied(fixed, B=whole)["C_d"])
+@pytest.mark.parametrize("firmness", [1.0, 0.9])
+def test_a_whole_as_firm_as_one_spring_leaves_the_other_without_an_end(firmness):
+    """A spring in series with K_st is as firm as can be where B is K_st, or beyond.
+
+    Δχ² counts from the firmest whole that K_st can be part of.
+    """
+    values = profile_about("B", B).values
+    K_st = values[np.searchsorted(values, firmness * B)]
+    fixed = {"K_st": np.nextafter(K_st, np.inf), "L": SPRINGS["L"]}
+    low, high = ends_of(implied(fixed, B=profile_about("B", B))["C_d"])
     assert np.isnan(high)
+    level = threshold(0.9, np.inf) + (np.log(K_st / B) / 0.1) ** 2
     springs = SPRINGS | fixed | {"C_d": low}
-    np.testing.assert_allclose(whole_of("C_d", springs), ends_of(whole)[0], rtol=END)
+    end = B * np.exp(-0.1 * np.sqrt(level))
+    np.testing.assert_allclose(whole_of("C_d", springs), end, rtol=END)
 
 
-@pytest.mark.parametrize("name", ["C_d", "L"])
+PARTNERS = {"K_sn": "K_dn", "K_dn": "K_sn", "K_st": "C_d", "C_d": "K_st", "L": "K_st"}
+
+
+@pytest.mark.parametrize("name", SPRINGS)
 def test_without_one_partner_a_spring_is_bounded_by_the_whole(name):
-    """With K_st open it may be all that gives: C_d > B L², and L < sqrt(C_d / B)."""
-    fixed = {other: SPRINGS[other] for other in {"C_d", "L"} - {name}}
-    whole = profile_about("B", B)
-    low, high = ends_of(implied(fixed, B=whole)[name])
-    assert np.isnan(high if name == "C_d" else low)
-    springs = SPRINGS | {"K_st": np.inf, name: low if name == "C_d" else high}
+    """As if that gave nothing: K_sn > A, C_d > B L², and L < sqrt(C_d / B)."""
+    apart = {name, PARTNERS[name]}
+    fixed = {other: value for other, value in SPRINGS.items() if other not in apart}
+    whole = profile_about(*(("A", A) if name in ("K_sn", "K_dn") else ("B", B)))
+    low, high = ends_of(implied(fixed, **{whole.name: whole})[name])
+    assert np.isnan(low if name == "L" else high)
+    springs = SPRINGS | {PARTNERS[name]: np.inf, name: high if name == "L" else low}
     np.testing.assert_allclose(whole_of(name, springs), ends_of(whole)[0], rtol=END)

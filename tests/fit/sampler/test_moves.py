@@ -1,5 +1,7 @@
 """Moves against targets whose moments are known, and against a move that is wrong."""
 
+from functools import partial
+
 import emcee
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from tests.tolerances import EXACT, MAX_Z, ROUTES
 N_ENSEMBLES, N_WALKERS, N_DIM = 4, 64, 6
 N_TOTAL = N_ENSEMBLES * N_WALKERS
 # Errors of moments of 4000 points are up to .003, .05 and .011; k-means alone takes a
-# share of .28 for .2.
+# share of .28 for .2. Walkers that jump have the share of a mode to .015.
 SHARE, CENTRE, WIDTH = 0.02, 0.1, 0.05
 # Weights and distance of two modes: a jump between them crosses 12 standard deviations.
 RARE, DISTANCE = 0.1, 12.0
@@ -24,8 +26,8 @@ def normal_log_prob(x):
     return -0.5 * np.sum(x**2, axis=1)
 
 
-def two_modes_log_prob(x):
-    shifted = x - DISTANCE * np.eye(x.shape[1])[0]
+def two_modes_log_prob(x, distance=DISTANCE):
+    shifted = x - distance * np.eye(x.shape[1])[0]
     pair = [normal_log_prob(x), normal_log_prob(shifted)]
     return special.logsumexp(np.stack(pair), axis=0, b=np.array([[1 - RARE], [RARE]]))
 
@@ -104,6 +106,22 @@ def test_moves_together_keep_the_weight_of_a_rare_mode():
     assert abs(z_of_mean(is_rare, RARE, np.sqrt(RARE * (1 - RARE)))) < MAX_Z
 
 
+def test_differences_of_walkers_lead_from_mode_to_mode():
+    """To the weights of the target, from a start that has half of them in either."""
+    rng, distance = np.random.default_rng(9), 4 * DISTANCE
+    start = rng.standard_normal((N_TOTAL, N_DIM))
+    start[::2, 0] += distance
+    chain, _ = advance(
+        partial(two_modes_log_prob, distance=distance),
+        start,
+        4000,
+        moves=[(DifferenceMove(N_ENSEMBLES), 1.0)],
+        random=np.random.RandomState(9),
+    )
+    is_rare = chain[1000:, :, 0] > distance / 2
+    np.testing.assert_allclose(np.mean(is_rare), RARE, atol=SHARE)
+
+
 def test_no_ensemble_looks_at_another():
     """Other walkers in the last ensemble change nothing in the first three."""
     rng = np.random.default_rng(3)
@@ -139,6 +157,15 @@ def test_mixture_density_is_that_of_scipy(mixture):
     np.testing.assert_allclose(mixture.log_density(x), expected, rtol=ROUTES)
 
 
+def test_mixtures_beside_each_other_have_half_of_the_weight_each(mixture):
+    rng = np.random.default_rng(10)
+    other = fit_mixture(2 + rng.standard_normal((512, N_DIM)), rng)
+    x = rng.normal(size=(50, N_DIM))
+    expected = np.logaddexp(mixture.log_density(x), other.log_density(x)) - np.log(2)
+    found = mixture.beside(other).log_density(x)
+    np.testing.assert_allclose(found, expected, rtol=ROUTES)
+
+
 def test_mixture_finds_the_clusters_that_points_come_from():
     """Expectation maximisation leaves k-means where clusters overlap in part."""
     rng, n = np.random.default_rng(7), 20000
@@ -165,10 +192,11 @@ def test_mixture_draws_what_its_density_says(mixture):
         assert abs(values.mean() - expected) < MAX_Z * error
 
 
-def test_mixture_survives_points_that_repeat():
-    """Resampled by their weights, a few points may be all that is left."""
+@pytest.mark.parametrize("n_dim", [2, N_DIM])
+def test_mixture_survives_points_that_repeat(n_dim):
+    """Resampled by their weights, three points may be all that is left: of a plane."""
     rng = np.random.default_rng(8)
-    points = rng.standard_normal((3, 2))[rng.integers(0, 3, 512)]
+    points = rng.standard_normal((3, n_dim))[rng.integers(0, 3, 512)]
     mixture = fit_mixture(points, rng)
     assert np.sum(mixture.weights) == pytest.approx(1.0, rel=EXACT)
     assert np.all(np.isfinite(mixture.log_density(points)))
