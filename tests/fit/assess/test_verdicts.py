@@ -58,6 +58,7 @@ def judged(
         (0.06, Verdict.DETERMINED, False),
         (0.89, Verdict.DETERMINED, False),
         (0.91, Verdict.ABSENT, False),
+        (1.0, Verdict.ABSENT, False),
     ],
 )
 def test_draws_that_never_roll_leave_an_interval_its_tails_alone(
@@ -69,6 +70,7 @@ def test_draws_that_never_roll_leave_an_interval_its_tails_alone(
     assert (found.estimate is not None) is is_quoted
     assert ("of the posterior never rolls" in found.note) is not is_quoted
     assert found.likelihood_sets == (() if verdict is Verdict.ABSENT else CLOSED)
+    assert (found.contraction is None) is (never == 1.0)
 
 
 @pytest.mark.parametrize(
@@ -117,7 +119,7 @@ def test_parameters_are_learned_by_the_variance_of_their_logs(
     """Less by four fifths is learned, by less than one fifth assumed."""
     setup = build_problem(case_table(CASES["paper"]), config())
     log_draws = scipy.stats.norm.ppf(SHARES)
-    names = ("K_sn", "C_rr", "A")
+    names = ("K_sn", "C_rr", "A", "sigma_height")
     before = dict.fromkeys(names, np.exp(log_draws))
     draws = dict.fromkeys(names, np.exp(np.sqrt(1 - share) * log_draws))
     parameters, combinations = quantities(
@@ -129,17 +131,28 @@ def test_parameters_are_learned_by_the_variance_of_their_logs(
     assert {one.verdict for one in combinations} == {of_combination}
 
 
+def test_what_fixed_springs_come_to_is_assumed():
+    setup = build_problem(case_table(CASES["paper"]), config())
+    stated = posterior_of({"A": np.full(2000, 400.0)}, {"A": np.full(2000, 400.0)})
+    _, (found,) = quantities(setup, stated, {}, prob=0.9, unit="n", with_sets=False)
+    assert found.verdict is Verdict.ASSUMED
+
+
 @pytest.mark.parametrize(
-    ("piece", "verdict"),
-    [((0.9, 1.1), Verdict.LEARNED), ((0.9, None), Verdict.PARTLY)],
+    ("piece", "narrowed", "verdict"),
+    [
+        ((0.9, 1.1), 0.1, Verdict.LEARNED),
+        ((0.9, None), 0.1, Verdict.PARTLY),
+        ((0.9, None), 0.95, Verdict.ASSUMED),
+    ],
 )
 def test_a_parameter_with_an_end_that_no_height_bounds_is_learned_in_part(
-    piece, verdict
+    piece, narrowed, verdict
 ):
     setup = build_problem(case_table(CASES["paper"]), config())
     log_draws = scipy.stats.norm.ppf(SHARES)
     posterior = posterior_of(
-        {"K_sn": np.exp(0.1 * log_draws)}, {"K_sn": np.exp(log_draws)}
+        {"K_sn": np.exp(narrowed * log_draws)}, {"K_sn": np.exp(log_draws)}
     )
     profile = LikelihoodProfile(
         name="K_sn",

@@ -79,12 +79,18 @@ def test_another_sweep_has_repeats_of_its_own(kind, offset, gain, n_shared):
     clean = merge_tables([one, other])
     moves = np.concatenate([offset, offset[::-1] + (kind == "offset") * 0.5])
     gains = np.concatenate([gain, gain[::-1] * (1 + (kind == "gain") * 0.1)])
-    found = without_repeat_effects(changed(clean, moves, gains), kind)
+    moved = changed(clean, moves, gains)
+    found = without_repeat_effects(moved, kind)
     heights, true = found.heights("height"), clean.heights("height")
     left = heights - true if kind == "offset" else heights / true
     sweeps = np.split(left, [one.n_pushes])
     for own in sweeps:
         np.testing.assert_allclose(own, own[0], rtol=0, atol=ROUTES)
+    # Over the heights of what is connected effects are 0, or 1, on average.
+    old = moved.heights("height")
+    effects = old - heights if kind == "offset" else old / heights - 1
+    for own in [effects] if n_shared else np.split(effects, [one.n_pushes]):
+        np.testing.assert_allclose(np.mean(own), 0.0, atol=ROUTES)
     apart = 0.5 if kind == "offset" else 0.1
     np.testing.assert_allclose(
         sweeps[1][0] - sweeps[0][0], 0.0 if n_shared else apart, rtol=0, atol=ROUTES
@@ -168,6 +174,29 @@ def test_repeats_without_a_common_direction_have_no_effects():
     assert caught.value.code == "no_repeats"
 
 
+def test_of_effects_that_tell_about_as_much_it_is_an_offset():
+    """By heights that are nearly alike gains are a little likelier, if at all."""
+    clean = case_table(CASES["firm"], theta_deg=SEVEN_DEG)
+    direction, repeat = both_ways(clean)
+    rng, ways, chances = np.random.default_rng(5), (direction, repeat), []
+    for _ in range(20):
+        heights = (1 + direction / 50) * (1 + 0.02 * (GAIN[repeat] - 1))
+        heights = heights + 5e-4 * rng.standard_normal(heights.size)
+        table = replace(clean, frame=clean.frame.assign(height_n=heights))
+        mean = (np.bincount(direction, heights) / np.bincount(direction))[direction]
+        noise = np.ones(heights.size)
+        of_gain, of_offset = (
+            repeat_p_value(heights, size, noise, *ways) for size in (mean, noise)
+        )
+        kind, chance = repeat_effect(table)
+        is_plain = of_gain < 0.1 * of_offset
+        assert kind == ("gain" if is_plain else "offset")
+        expected = min(1.0, 2 * (of_gain if is_plain else of_offset))
+        np.testing.assert_allclose(chance, expected, rtol=ROUTES)
+        chances.append((of_gain < of_offset) and not is_plain)
+    assert any(chances)
+
+
 @pytest.mark.parametrize("n_sweeps", [1, 4])
 def test_the_chance_of_repeats_that_are_alike_is_uniform(n_sweeps):
     """Of sweeps without a common direction each has its own two repeats."""
@@ -219,6 +248,29 @@ def test_heights_are_as_likely_as_a_normal_distribution_with_what_they_share(
     np.testing.assert_allclose(found, expected, rtol=ROUTES)
     swept = make_target(problem, 0.0).log_prob(x) - problem.log_prior(x)
     np.testing.assert_allclose(float(swept), expected, rtol=ROUTES)
+
+
+@pytest.mark.parametrize("kind", ["offset", "gain"])
+def test_what_repeats_share_has_the_interval_of_student(kind):
+    """1.645 of its standard deviations are t s / √n of the effects of n repeats."""
+    clean = case_table(CASES["firm"])
+    is_offset = kind == "offset"
+    effects = SHIFT if is_offset else GAIN
+    moved = changed(clean, *((SHIFT, np.ones(3)) if is_offset else (np.zeros(3), GAIN)))
+    v = effect_sds(moved, without_repeat_effects(moved, kind), kind)["height"]
+    share = np.max(v, axis=0) / (1.0 if is_offset else clean.heights("height"))
+    low, high = scipy.stats.t.interval(0.9, 2, scale=scipy.stats.sem(effects))
+    half = scipy.stats.norm.ppf(0.95) * share / np.sqrt(3)
+    np.testing.assert_allclose(half, (high - low) / 2, rtol=ROUTES)
+
+
+def test_one_direction_in_two_repeats_shows_an_effect_and_no_noise():
+    table = case_table(CASES["firm"], theta_deg=SEVEN_DEG, noise=0.02)
+    flags = [row for row in range(table.n_pushes) if row % 3 and row != 1]
+    one = table.with_flag(flags, "saturated")
+    found = scatter_beside_effects(without_repeat_effects(one, "offset"), "height")
+    assert found[1] == 0
+    assert np.isnan(found[0])
 
 
 @pytest.mark.parametrize("n_repeats", [2, 3, 6])

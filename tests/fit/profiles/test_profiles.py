@@ -288,6 +288,9 @@ def test_a_barrier_that_no_hand_can_tell_parts_no_modes(width, n):
         ([np.inf, 0, 9], ((None, 4 / 3),), Verdict.ONE_SIDED),
         ([0, 0, 0], ((None, None),), Verdict.NOT_DETERMINED),
         ([0, 9, 0], ((None, 1 / 3), (5 / 3, None)), Verdict.SEVERAL_MODES),
+        # Barriers of less than 0.3 above the level, and of more.
+        ([0, 1.25, 0, 9], ((None, 7 / 3),), Verdict.ONE_SIDED),
+        ([0, 1.44, 0, 9], ((None, 5 / 6), (7 / 6, 7 / 3)), Verdict.SEVERAL_MODES),
         ([0, np.inf, 0, 9], ((None, 7 / 3),), Verdict.ONE_SIDED),
         ([0, np.inf, np.inf, 0], ((None, 0), (3, None)), Verdict.SEVERAL_MODES),
     ],
