@@ -271,7 +271,7 @@ def _refitted(fitted: Fitted, config: GraspConfig) -> Fitted:
         setup=setup,
         fit=fit_least_squares(setup, reference_alpha=fitted.reference_alpha),
         reference_alpha=fitted.reference_alpha,
-        warnings=(),
+        warnings=fitted.warnings,
     )
 
 
@@ -286,6 +286,7 @@ def _score(name: str, fitted: Fitted, seed: int) -> ModelScore:
         fitted.setup.noise,
         seed=seed,
         predictive=predictive_checks(fitted.table, fitted.setup, posterior, seed=seed),
+        is_scattered=fitted.is_scattered,
     )
     densities = None
     # No push that has something in common with others can be left out by itself.

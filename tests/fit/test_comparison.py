@@ -140,6 +140,16 @@ def test_as_many_heights_as_unknowns_that_no_draw_meets_are_not_described(monkey
     assert not hard.is_adequate
 
 
+def test_a_noise_that_is_not_the_stated_one_is_said(monkeypatch):
+    """Heights scatter ten times as much, and each model takes what it leaves."""
+    monkeypatch.setattr(comparison, "rival_configs", lambda c, **_: {"hard": c})
+    table = case_table(CASES["firm"], noise=0.05, seed=3, repeats=1)
+    frame = table.frame.assign(height_sd_n=0.005)
+    (hard,) = compare_models(dataclasses.replace(table, frame=frame), config()).models
+    assert hard.is_adequate
+    assert "the stated one does not explain" in hard.verdict
+
+
 @pytest.mark.slow
 def test_models_are_ranked_as_by_brute_force():
     """Evidence over a dense grid of ln A, ln B and ln C_rr, in NumPy."""

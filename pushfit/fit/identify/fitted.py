@@ -15,6 +15,7 @@ from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
 from pushfit.fit.assess.warnings import (
+    SCATTERED,
     contact_warnings,
     contradiction_warning,
     lost_contact_rows,
@@ -78,6 +79,11 @@ class Fitted:
     def mechanics(self) -> str:
         """By which it was fitted."""
         return self.setup.problem.grasp.mechanics
+
+    @property
+    def is_scattered(self) -> bool:
+        """Whether noise is of the residuals, which that stated does not explain."""
+        return any(warning.code == SCATTERED for warning in self.warnings)
 
     @cached_property
     def slopes(self) -> Float[np.ndarray, "2 2 c n"]:

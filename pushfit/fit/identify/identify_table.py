@@ -21,7 +21,6 @@ from pushfit.fit.assess.reporting_rules import reported
 from pushfit.fit.assess.sensitivity import angle_error_warnings
 from pushfit.fit.assess.verdicts import angle_quantity, quantities
 from pushfit.fit.assess.warnings import (
-    SCATTERED,
     handover_warnings,
     improbable,
     result_warnings,
@@ -152,7 +151,7 @@ def _conclude(
         predictive=predictive_checks(fitted.table, fitted.setup, posterior, seed=seed),
         contradicted=contradicted_quantities(posterior.samples, profiles, prob=prob),
         left_out=left_out,
-        is_scattered=any(w.code == SCATTERED for w in fitted.warnings),
+        is_scattered=fitted.is_scattered,
     )
     goodness, reading = _read_otherwise(fitted, posterior, goodness, seed=seed)
     found = Identification(
