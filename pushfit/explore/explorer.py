@@ -183,6 +183,7 @@ class Explorer:
         if n < 1:
             raise ConfigError(f"ask({n}): ask for one push or more", code="ask")
         history = self.history
+        self._settle_if_due()
         if self.is_dangling and history.pending is not None:
             # Never replayed: nobody knows how far it went.
             self.fail(history.pending, INTERRUPTED)
@@ -425,18 +426,30 @@ class Explorer:
         ):
             self._record({"event": "drawn", "n": len(told)})
         if history.stopped is None:
+            self._look_for_a_slip()
+        if history.stopped is None:
             reason = worn_out(self.belief, self.survey) or self._fault()
             if reason is not None:
                 self.stop(reason, is_over=True)
         self._record(event_of("state", self.state))
 
+    def _settle_if_due(self) -> None:
+        """Settle what was killed, or interrupted, before it had said how it stands."""
+        history = self.history
+        known = history.course[-1].n_pushes if history.course else 0
+        if known < len(history.told):
+            self._settle()
+
+    def _look_for_a_slip(self) -> None:
+        """End where the last push says that the object has moved."""
+        moved = self.judge.moved(self.history.told, self.belief, self.limits)
+        if moved is not None:
+            line = {"first": moved.first, "reason": moved.sentence}
+            self._record({"event": "moved", **line})
+
     def _fault(self) -> str | None:
         """What makes the heights none of one grasp, as a clause."""
         told, belief = self.history.told, self.belief
-        moved = self.judge.moved(told, belief, self.limits)
-        if moved is not None:
-            self._record({"event": "moved", "first": moved.first})
-            return moved.sentence
         fault, is_found = None, self.state.answer in FINDINGS
         # Of pushes of its own the next reference says whether a slip came.
         if is_found or belief.is_guess or all(row.is_attached for row in told):
@@ -461,7 +474,5 @@ class Explorer:
             self._take(event)
         history = self.history
         self.is_dangling = history.pending is not None
-        known = history.course[-1].n_pushes if history.course else 0
-        if known < len(history.told):  # killed before it had said how it stands
-            self._settle()
+        self._settle_if_due()
         self._stop_after_failures()

@@ -19,7 +19,7 @@ from pushfit.explore.belief.belief import Question
 from pushfit.explore.belief.tables import by_channel, check_told
 from pushfit.explore.decide.stopping import Judge
 from pushfit.explore.hands.protocol import PushStatus
-from pushfit.explore.journal.file import SCHEMA, Event, Journal, damaged
+from pushfit.explore.journal.file import SCHEMA, START, Event, Journal, damaged
 from pushfit.explore.limits import Limits
 from pushfit.explore.records import (
     Failure,
@@ -108,6 +108,9 @@ class History:
             case "moved":
                 first = _adapter(int).validate_python(event["first"])
                 self.told[first:] = [row.flagged(MOVED) for row in self.told[first:]]
+                # In one line with the flags, by which the slip is no more seen.
+                self.stopped = str(event.get("reason", "the object has moved"))
+                self.is_over = True
             case "drawn":
                 self.n_drawn = _adapter(int).validate_python(event["n"])
             case "state":
@@ -153,7 +156,7 @@ def start_event(
 ) -> Event:
     """First line of a journal: the question, and who is to make the pushes."""
     return {
-        "event": "start",
+        "event": START,
         "schema": SCHEMA,
         "ask": list(question.ask),
         "width_deg": judge.width,
@@ -200,10 +203,7 @@ def check_start(begun: Event, now: Event, path: Path | None) -> None:
 
     Raises:
         ConfigError: They differ, other than that one of them names no hand.
-        DataError: The journal begins with another event.
     """
-    if begun["event"] != now["event"]:
-        raise damaged(path, 1, "no start of an exploration")
     now = json.loads(json.dumps(now))  # tuples are lists in a journal
     free: Event = {"budget": None}
     if None in (begun.get("hand"), now["hand"]):

@@ -19,6 +19,9 @@ from pushfit.atomic import naming, sync
 from pushfit.errors import ConfigError, DataError
 
 SCHEMA = "pushfit.exploration/2"
+# Of the first event, and how its line begins.
+START = "start"
+BEGINNING = b'{"event": "start"'
 Event = dict[str, object]
 
 
@@ -33,7 +36,7 @@ class Journal:
 
         Raises:
             ConfigError: It can be no file, or another process writes it.
-            DataError: A line is no event.
+            DataError: It is no journal, and stays as it is, or a line is no event.
         """
         if path is not None and (path.is_dir() or not path.parent.is_dir()):
             raise ConfigError(
@@ -49,14 +52,20 @@ class Journal:
             self.events = _read(path)
 
     def write(self, event: Mapping[str, object]) -> None:
-        """Append an event; returns when it is on the disk."""
+        """Append an event; returns when it is on the disk, or leaves nothing of it."""
         if self.path is None:
             return
         line = json.dumps(event, ensure_ascii=False, allow_nan=False)
-        with naming(self.path), self.path.open("a", encoding="utf-8") as file:
-            file.write(line + "\n")
-            file.flush()
-            os.fsync(file.fileno())
+        # Without a buffer, which would be written once more when the file is closed.
+        with naming(self.path), self.path.open("ab", buffering=0) as file:
+            end, left = file.tell(), f"{line}\n".encode()
+            try:
+                while left:  # a disk that fills up takes a part
+                    left = left[file.write(left) :]
+                os.fsync(file.fileno())
+            except BaseException:
+                file.truncate(end)
+                raise
 
 
 class _Lock:
@@ -101,14 +110,20 @@ def _read(path: Path) -> tuple[Event, ...]:
     """Events of a journal; what follows the last whole line is cut off the file."""
     content = path.read_bytes()
     whole = content[: content.rfind(b"\n") + 1]
+    events = tuple(
+        _event(path, number, line)
+        for number, line in enumerate(whole.split(b"\n")[:-1], start=1)
+    )
+    is_journal = content[: len(BEGINNING)] == BEGINNING[: len(content)]
+    if events:
+        is_journal = events[0]["event"] == START
+    if not is_journal:  # before anything of a file that is not ours is cut off
+        raise damaged(path, 1, "no start of an exploration")
     if len(whole) < len(content):
         with path.open("r+b") as file:
             file.truncate(len(whole))
             os.fsync(file.fileno())
-    return tuple(
-        _event(path, number, line)
-        for number, line in enumerate(whole.split(b"\n")[:-1], start=1)
-    )
+    return events
 
 
 def _event(path: Path, number: int, line: bytes) -> Event:

@@ -1,5 +1,6 @@
 """Explorations that go on with their journal, and journals that are refused."""
 
+import contextlib
 import json
 
 import pytest
@@ -9,11 +10,15 @@ from pushfit.errors import ConfigError, DataError
 from pushfit.explore.explorer import Explorer
 from pushfit.explore.limits import Limits
 from pushfit.explore.records import Answer
+from pushfit.model import Parameters
 from tests.explore.explorers import explorer, hopeless_table, run
 from tests.explore.worlds import (
     COMPONENTS,
     SIGMA,
+    importance,
 )
+
+SOFTER = Parameters(K_sn=500, K_dn=1200, K_st=400, C_rr=0.3, C_d=0.5, L=0.04)
 
 # A line of a journal, but for its heights.
 TOLD = (
@@ -133,6 +138,46 @@ def test_killed_at_any_line_the_same_pushes_follow(tmp_path, cut, step):
         was_moving = json.loads(lines[n - 1])["event"] == "asked"
         failed = [f.reason for f in again.history.failures]
         assert failed == (["interrupted"] if was_moving else [])
+
+
+def test_a_slip_stays_seen_whenever_the_process_is_killed(tmp_path):
+    """Also where its flags are on the disk: those hide it from who looks again."""
+    path, part = tmp_path / "whole.jsonl", tmp_path / "part.jsonl"
+    usual = {"width_deg": 1.0, "limits": Limits(reference_every=4)}
+    own = explorer(journal=path, **usual)
+    run(own, n=4)
+    run(own, n=1, params=SOFTER)
+    assert "the object has moved" in own.state.sentence
+    lines = path.read_bytes().splitlines(keepends=True)
+    words = [json.loads(line)["event"] for line in lines]
+    last = len(words) - words[::-1].index("told")
+    assert "moved" in words[last:]
+    for n in range(last, len(lines)):
+        part.write_bytes(b"".join(lines[:n]))
+        again = explorer(journal=part, **usual)
+        assert again.ask() == ()
+        assert again.state == own.state
+        assert again.history.told == own.history.told
+
+
+def test_interrupted_while_it_thinks_the_same_object_goes_on():
+    """As a cell of a notebook that is stopped and run again."""
+    at_once = explorer()
+    run(at_once)
+    interrupted = []
+
+    def source(*asked):
+        if asked[0] is not None and asked[2] not in interrupted:
+            interrupted.append(asked[2])
+            raise KeyboardInterrupt
+        return importance(*asked)
+
+    own = explorer(source=source)
+    for _ in range(len(at_once.history.told)):
+        with contextlib.suppress(KeyboardInterrupt):
+            run(own)
+    assert len(interrupted) > 2
+    assert own.history == at_once.history
 
 
 @pytest.mark.parametrize(
