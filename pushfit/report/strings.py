@@ -133,9 +133,14 @@ def format_estimate(
     """Number, with its unit only where that is degrees, and interval in words.
 
     Args:
+        estimate: Of an axis also as of an interval across its end, 183° for 3°.
         is_axis: Whether 180° is 0°.
     """
-    spread = spread_of(estimate, interval)
+    within = estimate
+    if is_axis:
+        within += HALF_TURN * (estimate < interval[0])
+        estimate -= HALF_TURN * (estimate > HALF_TURN)
+    spread = spread_of(within, interval)
     number = format_number(estimate, spread=spread)
     if unit_label(unit) == "°":
         number = format_angle(estimate, spread=spread)

@@ -66,6 +66,14 @@ def test_an_estimate_at_the_end_of_its_interval_has_the_digits_of_the_width():
     assert found == ("10°", "10° to 43°")
 
 
+@pytest.mark.parametrize("estimate", [3.0, 183.0])
+def test_of_an_axis_an_interval_across_its_end_has_the_digits_of_any_other(estimate):
+    """As 63° from 54° to 67° has; an axis at 183° is one at 3°."""
+    assert format_estimate(63.0, (54.0, 67.0), "deg")[0] == "63.0°"
+    found = format_estimate(estimate, (174.0, 187.0), "deg", is_axis=True)
+    assert found == ("3.0°", "174.0° to 180° and on to 7.0°")
+
+
 @pytest.mark.parametrize("spread", [0.0, -1.0, math.inf, math.nan])
 def test_a_spread_that_is_none_decides_no_digits(spread):
     assert format_number(12.3456, spread=spread) == "12.3"

@@ -13,16 +13,16 @@ from dataclasses import dataclass
 import pandas as pd
 
 from pushfit.fit.results import Piece, Verdict
-from pushfit.parameters import ANGLES, HALF_TURN
+from pushfit.parameters import ANGLES
 from pushfit.report.fact_rows import SET_VERDICTS, verdict_word
 from pushfit.report.html.pages import render_page
 from pushfit.report.strings import (
+    format_angle,
     format_estimate,
     format_number,
     format_p_value,
     format_range,
     join_or,
-    spread_of,
     unit_label,
     with_unit,
 )
@@ -75,9 +75,9 @@ class Axis:
         if value is None:
             return default
         ends = (self.low, value, self.high)
-        low, at, high = map(math.log, ends) if self.is_log and value > 0 else ends
+        low, at, high = map(math.log, ends) if self.is_log else ends
         share = (at - low) / (high - low) if high > low else 0.5
-        return round(WIDTH * min(max(share, 0.0), 1.0), 1)
+        return round(WIDTH * share, 1)
 
 
 EMPTY = Axis(low=0.0, high=1.0, is_log=False)
@@ -195,35 +195,28 @@ def _scale(axis: Axis, name: str) -> str:
 
 
 def _cell(entry: Entry, axis: Axis) -> dict[str, object]:
-    spread = None
-    if len(entry.pieces) == 1 and None not in entry.pieces[0]:
-        low, high = entry.pieces[0]
-        ends = (float(low or 0.0), float(high or 0.0))
-        middle = sum(ends) / 2 if entry.estimate is None else entry.estimate
-        spread = spread_of(middle, ends) if ends[0] < ends[1] else None
+    estimate, value = entry.estimate, ""
     ranges = join_or(
-        [
-            format_range(*p, entry.unit, spread=spread, is_axis=entry.is_axis)
-            for p in entry.pieces
-        ]
+        [format_range(*p, entry.unit, is_axis=entry.is_axis) for p in entry.pieces]
     )
-    value = ""
-    if entry.estimate is not None:
-        # On the axis of an interval across the seam it may lie beyond a half turn.
-        starts = [low for low, _ in entry.pieces if low is not None]
-        is_beyond = min(starts, default=HALF_TURN) < HALF_TURN < entry.estimate
-        is_beyond &= entry.is_axis
-        shown = entry.estimate - HALF_TURN * is_beyond
-        value = with_unit(format_number(shown, spread=spread), entry.unit)
+    if estimate is not None:
+        value = format_number(estimate)
+        if entry.unit == "deg":
+            value = format_angle(estimate)
+        match entry.pieces:
+            case [(float(low), float(high))] if low < high:
+                value, ranges = format_estimate(
+                    estimate, (low, high), entry.unit, is_axis=entry.is_axis
+                )
+        value = value if entry.unit == "deg" else with_unit(value, entry.unit)
     bars = []
     for low, high in entry.pieces:
         start = axis.place(low, default=0.0)
         end = axis.place(high, default=WIDTH)
         bars.append((start, round(max(end - start, 0.6), 1)))
-    is_drawn = entry.estimate is not None
-    dot = axis.place(entry.estimate, default=0.0) if is_drawn else None
+    dot = None if estimate is None else axis.place(estimate, default=0.0)
     return {
-        "sort": "" if entry.estimate is None else repr(entry.estimate),
+        "sort": "" if estimate is None else repr(estimate),
         "value": value,
         "range": ranges,
         "verdict": entry.verdict,

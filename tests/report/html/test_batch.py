@@ -10,9 +10,10 @@ import pandas as pd
 import pytest
 
 from pushfit.parameters import NAMED
+from pushfit.report.answers import theta_c_answer
 from pushfit.report.html.batch import render_batch
 from tests.report.html.test_result import ALLOWED, Page
-from tests.report.makers import HOSTILE
+from tests.report.makers import HOSTILE, make_angle
 
 # Start and width are rounded to 0.1 each.
 ROUNDED = 0.11
@@ -92,6 +93,65 @@ def test_an_axis_alone_starts_again_after_a_half_turn(
     assert f">{interval}<" in first
 
 
+@pytest.mark.parametrize(
+    ("estimate", "low", "high"),
+    [
+        (40.1234, 40.120, 40.126),
+        (40.0, 38.0, 42.0),
+        (34.0, None, None),
+    ],
+)
+def test_an_angle_has_the_digits_that_the_report_of_its_item_has(
+    estimate, low, high, frame, make_identification
+):
+    interval = None if low is None else (low, high)
+    angle = make_angle("theta_c", estimate, interval=interval)
+    sentence = theta_c_answer(make_identification(theta_c=angle)).sentence
+    row = {"theta_c_deg": estimate, "theta_c_verdict": "determined"}
+    row |= {"theta_c_low_deg": low, "theta_c_high_deg": high, "theta_c_sets": None}
+    first = rows(render_batch(frame.assign(**row)))[0]
+    value, shown = re.search(
+        r'<strong>(.*?)</strong> <span class="range">(.*?)</span>', first
+    ).groups()
+    assert f" is {value}" in sentence
+    assert f"interval: {shown})." in sentence if shown else low is None
+
+
+def test_an_item_is_marked_sorted_and_judged_by_its_numbers(frame):
+    """The scale is from 8.8° to 51.2°, its ends are those of the intervals."""
+    first, second, third, _ = rows(render_batch(frame))
+    place = float(re.search(r'<circle cx="([\d.]+)"', first).group(1))
+    np.testing.assert_allclose(place, 100 * (40 - 8.8) / 42.4, atol=ROUNDED)
+    keys = [re.findall(r'data-sort="(.*?)"', row)[0] for row in (first, second, third)]
+    assert keys == ["40.0", "", "20.0"]
+    assert '<td class="number">0.46</td>' in first
+
+
+@pytest.mark.parametrize(
+    ("name", "lows", "is_log"),
+    [("theta_c", 3.0, False), ("A", 60.0, False), ("A", 30.0, True)],
+)
+def test_ten_times_is_a_wide_scale_but_of_angles(name, lows, is_log):
+    """The middle of bars from `lows` to 400 and from 200 to 400."""
+    end = "_deg" if name == "theta_c" else ""
+    page = render_batch(
+        pd.DataFrame(
+            {
+                f"{name}{end}": [300.0, 300.0],
+                f"{name}_low{end}": [lows, 200.0],
+                f"{name}_high{end}": [400.0, 400.0],
+            }
+        )
+    )
+    assert (", logarithmic" in page) == is_log
+    ((_, _),), ((start, _),) = map(bars, rows(page))
+    margin = 0.03 * (400 - lows)
+    expected = (200 - lows + margin) / (400 - lows + 2 * margin)
+    if is_log:
+        expected = np.log(200 / lows) / np.log(400 / lows)
+    np.testing.assert_allclose(start, 100 * expected, atol=ROUNDED)
+
+
 def test_bars_of_all_items_share_one_scale(frame):
     """10° and 50° are the ends, with a margin of 3 % of the 40° between."""
     first, second, third, _ = rows(render_batch(frame))
@@ -125,13 +185,18 @@ def test_the_population_comes_before_the_items(frame):
         "spread": 4.0,
         "spread_low": 3.0,
         "spread_high": 6.0,
+        "n_items": 5,
         "outliers": "c.csv",
+        "not_usable": "d.csv;e.csv",
+        "provisional": "b.csv",
     }
     page = render_batch(frame, [row])
     text = Page(page).text
     assert "31.2 (29.0 to 33.4)" in text
     assert page.index("Population") < page.index("<h2>Items")
-    assert re.search(r'note">c\.csv</td>', page)
+    names = ["c.csv", "d.csv, e.csv", "b.csv"]
+    assert re.findall(r'<td class="note">(.*?)</td>', page) == names
+    assert re.findall(r'<td class="number">(.*?)</td>', page)[0] == "5"
 
 
 def test_headings_and_rows_say_on_hover_what_a_letter_is(frame):
