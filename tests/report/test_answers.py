@@ -72,13 +72,36 @@ def test_what_is_assumed_is_no_answer(determined):
     assert found.values == found.pieces == ()
 
 
-def test_two_azimuths_are_too_few(theta_only):
+@pytest.mark.parametrize(
+    ("azimuths", "is_third_used", "is_few"),
+    [
+        ([90.0, 60.0], True, True),
+        ([90.0, 60.0, 30.0], True, False),
+        ([90.0, 60.0, 30.0], False, True),
+    ],
+)
+def test_two_azimuths_are_too_few(azimuths, is_third_used, is_few, theta_only):
+    """Those of pushes that are left out are none."""
     frame = theta_only.table.frame
-    azimuths = np.where(np.arange(len(frame)) % 2, 90.0, 60.0)
-    table = PeakTable.from_frame(frame.assign(alpha_deg=azimuths))
-    result = replace(theta_only, table=table, alpha_star=undetermined("alpha_star"))
+    turn = np.arange(len(frame)) % len(azimuths)
+    table = PeakTable.from_frame(frame.assign(alpha_deg=np.array(azimuths)[turn]))
+    result = replace(
+        theta_only,
+        table=table,
+        used=theta_only.used & (is_third_used | (turn < 2)),
+        alpha_star=undetermined("alpha_star"),
+    )
     sentence = alpha_star_answer(result).sentence
-    assert "the pushes have only 2 azimuths, and at least 3 are needed" in sentence
+    few = " azimuths, and at least 3 are needed"
+    assert (few in sentence) is is_few
+
+
+def test_an_angle_that_settings_fix_is_called_configured(determined):
+    fixed = make_angle("alpha_star", 65.0, interval=None, verdict=Verdict.FIXED)
+    answer = alpha_star_answer(replace(determined, alpha_star=fixed))
+    said = "The best push direction α* is 65°, as configured."
+    assert answer.sentence.startswith(said)
+    assert answer.short == "65°"
 
 
 @pytest.mark.parametrize(("n_left", "is_why"), [(0.0, True), (1.0, False)])
