@@ -10,23 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from pushfit.fit.results import OUTLIER_SIGMA
-from pushfit.report.figures.style import (
-    ALARM,
-    BLACK,
-    COLUMN,
-    DASHES,
-    DATA,
-    MARKERS,
-    PAGE,
-    SERIES,
-    canvas,
-    channel_label,
-    drawable,
-    math_symbol,
-    place_legend,
-    sheet,
-    styled,
-)
+from pushfit.report.figures import style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,24 +35,24 @@ def _draw_residuals(
     channels: Sequence[str],
 ) -> None:
     """Residuals in sigmas with the ±2 sigma stripe and outliers marked."""
-    axes.axhspan(-2, 2, color=BLACK, alpha=0.06, lw=0)
-    axes.axhline(0, color=BLACK, lw=0.8)
+    axes.axhspan(-2, 2, color=style.BLACK, alpha=0.06, lw=0)
+    axes.axhline(0, color=style.BLACK, lw=0.8)
     for index, channel in enumerate(dict.fromkeys(channels)):
         mine = np.array([name == channel for name in channels])
         axes.plot(
             x[mine],
             residuals[mine],
-            MARKERS[index],
-            color=SERIES[index],
+            style.MARKERS[index],
+            color=style.SERIES[index],
             mfc="white",
             ms=4,
-            label=drawable(channel.replace("_", " ")),
+            label=style.drawable(channel.replace("_", " ")),
         )
     far = np.abs(residuals) > OUTLIER_SIGMA
-    axes.plot(x[far], residuals[far], "o", color=ALARM, ms=8, mfc="none", mew=1.2)
+    axes.plot(x[far], residuals[far], "o", color=style.ALARM, ms=8, mfc="none", mew=1.2)
 
 
-@styled
+@style.styled
 def residual_figure(
     residuals: Float[np.ndarray, " n"],
     predicted: Float[np.ndarray, " n"],
@@ -93,7 +77,7 @@ def residual_figure(
     """
     from scipy.special import ndtri
 
-    figure, room = sheet(fig, width=PAGE, height=4.6)
+    figure, room = style.sheet(fig, width=style.PAGE, height=4.6)
     panels = room.subplots(2, 2)
     directions = (
         ("push elevation θ [°]", theta_deg),
@@ -101,20 +85,20 @@ def residual_figure(
     )
     columns = [(label, x) for label, x in directions if np.ptp(x) > 0]
     columns += [
-        (channel_label("height", unit).replace("peak", "predicted"), predicted),
+        (style.channel_label("height", unit).replace("peak", "predicted"), predicted),
         ("row of the table", row.astype(float)),
     ]
     for axes, (label, x) in zip(panels.flat[:3], columns, strict=False):
         _draw_residuals(axes, x, residuals, channels=channels)
         axes.set_xlabel(label)
     if len(set(channels)) > 1:
-        place_legend(panels[0, 0], loc="best")
+        style.place_legend(panels[0, 0], loc="best")
     n = residuals.size
     # Blom's plotting positions: expected normal order statistics to about 1 %.
     expected = ndtri((np.arange(1, n + 1) - 0.375) / (n + 0.25))
     last = panels[1, 1]
-    last.plot(expected, expected, color=BLACK, lw=0.8)
-    last.plot(expected, np.sort(residuals), "o", color=DATA, ms=3, mfc="white")
+    last.plot(expected, expected, color=style.BLACK, lw=0.8)
+    last.plot(expected, np.sort(residuals), "o", color=style.DATA, ms=3, mfc="white")
     last.set_xlabel("normal quantile [σ]")
     for axes in panels[:, 0]:
         axes.set_ylabel("residual [σ]")
@@ -132,7 +116,7 @@ def autocorrelation(chain: Float[np.ndarray, "e t w"]) -> Float[np.ndarray, " t"
     return np.mean([function_1d(walker) for walker in moving], axis=0)
 
 
-@styled
+@style.styled
 def trace_figure(
     chain: Float[np.ndarray, "e t w p"],
     names: Sequence[str],
@@ -150,7 +134,7 @@ def trace_figure(
         autocorr_time: Integrated autocorrelation time by name [steps].
     """
     n_ensembles, n_kept, n_walkers, n_names = chain.shape
-    figure, room = sheet(fig, width=PAGE, height=0.7 + 1.05 * n_names)
+    figure, room = style.sheet(fig, width=style.PAGE, height=0.7 + 1.05 * n_names)
     panels = room.subplots(n_names, 2, width_ratios=(3, 1), squeeze=False)
     steps = thin * np.arange(n_kept)
     shown = max(1, -(-n_walkers * n_ensembles // MAX_TRACES))
@@ -161,18 +145,18 @@ def trace_figure(
             trace.plot(
                 steps[::every],
                 chain[ensemble, ::every, ::shown, index],
-                color=SERIES[ensemble % len(SERIES)],
-                ls=DASHES[0],
+                color=style.SERIES[ensemble % len(style.SERIES)],
+                ls=style.DASHES[0],
                 lw=0.6,
                 alpha=0.8,
                 rasterized=True,
             )
-        trace.set_ylabel(math_symbol(name), parse_math=True)
+        trace.set_ylabel(style.math_symbol(name), parse_math=True)
         rho = autocorrelation(chain[..., index])
         tau = autocorr_time.get(name, np.nan)
         last = int(np.clip(5 * tau / thin, 20, n_kept)) if np.isfinite(tau) else n_kept
-        lag.plot(steps[:last], rho[:last], color=DATA)
-        lag.axhline(0, color=BLACK, lw=0.6)
+        lag.plot(steps[:last], rho[:last], color=style.DATA)
+        lag.axhline(0, color=style.BLACK, lw=0.6)
         words = f"τ = {tau:.0f} steps" if np.isfinite(tau) else "τ unknown"
         lag.annotate(
             words,
@@ -207,7 +191,7 @@ def study_figure(study: "CoverageStudy") -> "Figure":
     return coverage_figure(points, n_tables=study.n_tables - study.n_failed)
 
 
-@styled
+@style.styled
 def coverage_figure(
     points: Mapping[str, Sequence[Point]], *, n_tables: int, ax: "Axes | None" = None
 ) -> "Figure":
@@ -220,13 +204,15 @@ def coverage_figure(
         ax: Axes to draw into; None makes some.
     """
     rows = -(-len(points) // 4)
-    figure, axes = canvas(ax, width=COLUMN, height=COLUMN + 0.25 * rows)
+    figure, axes = style.canvas(
+        ax, width=style.COLUMN, height=style.COLUMN + 0.25 * rows
+    )
     claims = sorted({row[0] for rows in points.values() for row in rows})
     for place, claim in enumerate(claims):
         axes.plot(
             [place - 0.45, place + 0.45],
             [100 * claim] * 2,
-            color=BLACK,
+            color=style.BLACK,
             lw=0.8,
             ls="--",
         )
@@ -239,11 +225,11 @@ def coverage_figure(
                 [100 * (row[1] - row[2]) for row in rows],
                 [100 * (row[3] - row[1]) for row in rows],
             ],
-            fmt=MARKERS[index % len(MARKERS)],
+            fmt=style.MARKERS[index % len(style.MARKERS)],
             ms=4,
             lw=1,
-            color=SERIES[index % len(SERIES)],
-            label=math_symbol(name),
+            color=style.SERIES[index % len(style.SERIES)],
+            label=style.math_symbol(name),
         )
     axes.set_xticks(range(len(claims)), [f"{100 * claim:g} %" for claim in claims])
     axes.grid(visible=False, axis="x")
@@ -252,7 +238,7 @@ def coverage_figure(
     axes.set_ylabel("truth inside [%]")
     axes.set_title(f"{n_tables} simulated tables")
     # Below the axes: points may stand anywhere inside.
-    place_legend(axes, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=4)
+    style.place_legend(axes, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=4)
     legend = axes.get_legend()
     for text in legend.get_texts() if legend else ():
         text.set_parse_math(True)

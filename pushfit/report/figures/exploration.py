@@ -13,20 +13,7 @@ from pushfit.explore.decide.intervals import AskedAngle
 from pushfit.explore.explorer import Explorer
 from pushfit.explore.records import State, Suggestion
 from pushfit.parameters import HALF_TURN
-from pushfit.report.figures.style import (
-    BLACK,
-    BLUE,
-    GREY,
-    ORANGE,
-    PAGE,
-    PALE,
-    RAMP,
-    VERMILLION,
-    new_figure,
-    place_legend,
-    styled,
-    symbol_label,
-)
+from pushfit.report.figures import style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,7 +23,7 @@ if TYPE_CHECKING:
 N_BINS = 90
 
 
-@styled
+@style.styled
 def exploration_picture(
     explorer: Explorer, suggestions: Sequence[Suggestion] = ()
 ) -> "Figure":
@@ -49,7 +36,7 @@ def exploration_picture(
     angle, course = explorer.angle, explorer.history.course
     known = explorer.judge.targets(explorer.belief, explorer.question)
     n = len(known) + 1 + (len(course) > 1)
-    figure = new_figure(width=PAGE * n / 2.6, height=3.2)
+    figure = style.new_figure(width=style.PAGE * n / 2.6, height=3.2)
     axes = figure.subplots(1, n)
     for panel, (name, target) in zip(axes, known.items(), strict=False):
         _draw_known(panel, explorer, name, target)
@@ -76,18 +63,18 @@ def _draw_known(
         high = max(high, float(np.ceil(np.max(values) / 10) * 10))
     edges = np.linspace(low, high, N_BINS + 1)
     mass, _ = np.histogram(values, edges, weights=weights[is_there])
-    axes.stairs(mass / np.diff(edges), edges, fill=True, color=BLUE, alpha=0.85)
+    axes.stairs(mass / np.diff(edges), edges, fill=True, color=style.BLUE, alpha=0.85)
     top = float(np.max(mass / np.diff(edges), initial=0.0)) or 1.0
     if interval is not None:
         start, end = interval
-        axes.axvspan(start, min(end, high), color=PALE, zorder=0)
+        axes.axvspan(start, min(end, high), color=style.PALE, zorder=0)
         if end > high:
-            axes.axvspan(low, end - high, color=PALE, zorder=0)
+            axes.axvspan(low, end - high, color=style.PALE, zorder=0)
         middle = (start + end) / 2
         axes.plot(
             [middle - width / 2, middle + width / 2],
             [1.08 * top] * 2,
-            color=VERMILLION,
+            color=style.VERMILLION,
             lw=3,
             solid_capstyle="butt",
             label=f"asked: ± {width / 2:g}°",
@@ -98,9 +85,9 @@ def _draw_known(
         ylabel="density [1/°]",
         title="What is known",
     )
-    axes.set_xlabel(symbol_label(angle, "°"), parse_math=True)
+    axes.set_xlabel(style.symbol_label(angle, "°"), parse_math=True)
     axes.set_axisbelow(True)
-    place_legend(axes, loc="upper right")
+    style.place_legend(axes, loc="upper right")
 
 
 def _draw_gains(
@@ -117,27 +104,31 @@ def _draw_gains(
     axes.set_axisbelow(True)
     axes.set_xlabel("push elevation θ [°]")
     if alpha.size == 1:
-        axes.bar(theta_deg[allowed], gain[allowed], 3.4, color=ORANGE)
+        axes.bar(theta_deg[allowed], gain[allowed], 3.4, color=style.ORANGE)
         top = float(np.max(gain, initial=0.0)) or 1.0
         _mark(axes, theta_deg[~allowed], np.zeros(np.sum(~allowed)), label="out")
-        axes.plot(made[:, 0], np.full(len(made), -0.06 * top), "|", color=BLACK, ms=7)
+        axes.plot(
+            made[:, 0], np.full(len(made), -0.06 * top), "|", color=style.BLACK, ms=7
+        )
         axes.set(ylabel="expected information [nat]", ylim=(-0.12 * top, 1.2 * top))
         for best, _ in following:
-            axes.plot(best, 1.07 * top, "v", color=VERMILLION, label="next")
-        axes.plot([], [], "|", color=BLACK, label="made")
+            axes.plot(best, 1.07 * top, "v", color=style.VERMILLION, label="next")
+        axes.plot([], [], "|", color=style.BLACK, label="made")
     else:
         grid = np.where(allowed, gain, np.nan).reshape(theta.size, alpha.size).T
-        image = axes.pcolormesh(theta, alpha, grid, cmap=RAMP, shading="nearest")
+        image = axes.pcolormesh(theta, alpha, grid, cmap=style.RAMP, shading="nearest")
         axes.grid(visible=False)
         bar = axes.figure.colorbar(image, ax=axes)
         bar.set_label("expected information [nat]")
         _mark(axes, theta_deg[~allowed], alpha_deg[~allowed], label="out")
-        axes.plot(*made.T, "o", mfc="white", mec=BLACK, mew=0.8, ms=4.5, label="made")
+        axes.plot(
+            *made.T, "o", mfc="white", mec=style.BLACK, mew=0.8, ms=4.5, label="made"
+        )
         for best in following:
-            axes.plot(*best, "v", color=VERMILLION, label="next")
+            axes.plot(*best, "v", color=style.VERMILLION, label="next")
         axes.set_ylabel("push azimuth α [°]")
     # Where nothing is drawn: a map fills its axes.
-    place_legend(
+    style.place_legend(
         axes,
         loc="upper center",
         bbox_to_anchor=(0.5, -0.2),
@@ -153,7 +144,7 @@ def _mark(
 ) -> None:
     """Candidates that limits rule out."""
     if x.size:
-        axes.plot(x, y, "x", color=GREY, ms=4, label=f"{label} of limits")
+        axes.plot(x, y, "x", color=style.GREY, ms=4, label=f"{label} of limits")
 
 
 def draw_course(
@@ -172,20 +163,20 @@ def draw_course(
         middle = (lower + upper)[known] / 2
         shift = np.unwrap(middle, period=HALF_TURN) - middle
         lower[known], upper[known] = lower[known] + shift, upper[known] + shift
-    axes.fill_between(n, lower, upper, color=BLUE, alpha=0.3, lw=0)
-    axes.plot(n, lower, color=BLUE, marker=".")
-    axes.plot(n, upper, color=BLUE, marker=".")
+    axes.fill_between(n, lower, upper, color=style.BLUE, alpha=0.3, lw=0)
+    axes.plot(n, lower, color=style.BLUE, marker=".")
+    axes.plot(n, upper, color=style.BLUE, marker=".")
     axes.set(xlabel="pushes", title="How it went", ylim=_padded(lower, upper))
-    axes.set_ylabel(symbol_label(angle, "°"), parse_math=True)
+    axes.set_ylabel(style.symbol_label(angle, "°"), parse_math=True)
     axes.locator_params(axis="x", integer=True)
     right = axes.twinx()
     chances = np.array([state.p_budget for state in course], dtype=float)
-    right.plot(n, chances, color=VERMILLION, ls="--")
+    right.plot(n, chances, color=style.VERMILLION, ls="--")
     right.set_ylim(0, 1.05)
     right.grid(visible=False)
     right.spines["right"].set_visible(True)
-    right.set_ylabel("chance to decide in budget", color=VERMILLION)
-    right.tick_params(colors=VERMILLION)
+    right.set_ylabel("chance to decide in budget", color=style.VERMILLION)
+    right.tick_params(colors=style.VERMILLION)
 
 
 def _padded(

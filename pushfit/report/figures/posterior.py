@@ -12,25 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pushfit.fit.assess.reporting_rules import Pieces
-from pushfit.report.figures.style import (
-    ALARM,
-    BLACK,
-    BLUE,
-    COLUMN,
-    DASHED,
-    DATA,
-    ORANGE,
-    PALE,
-    PRIOR,
-    canvas,
-    drawable,
-    math_symbol,
-    new_figure,
-    place_legend,
-    sheet,
-    styled,
-    symbol_label,
-)
+from pushfit.report.figures import style
 from pushfit.report.figures.sweeps import Marker
 from pushfit.report.text.difference import Difference, sentence
 
@@ -73,8 +55,8 @@ def draw_profile(
     # between the points of the grid.
     grid = np.union1d(values, np.linspace(*limits, N_CURVE))
     root = np.interp(grid, values, np.sqrt(np.maximum(delta_chi_square, 0.0)))
-    axes.plot(grid, root**2, color=DATA)
-    axes.axhline(level, color=BLACK, lw=0.8, ls="--")
+    axes.plot(grid, root**2, color=style.DATA)
+    axes.axhline(level, color=style.BLACK, lw=0.8, ls="--")
     axes.annotate(
         f"{100 * prob:g} %",
         (1, level),
@@ -87,7 +69,7 @@ def draw_profile(
     axes.set_ylim(0, _top(level))
     axes.set_xlim(*limits)
     axes.set_ylabel("Δχ² of the profile")
-    shade(axes, pieces, DATA)
+    shade(axes, pieces, style.DATA)
 
 
 def draw_densities(
@@ -101,8 +83,8 @@ def draw_densities(
     """Draw the density of draws over that of the prior, the set and the estimates."""
     bins = list(np.linspace(*limits, N_BINS + 1))
     for draws, colour, label, filled in (
-        (prior, PRIOR, "prior", True),
-        (samples, DATA, "posterior", False),
+        (prior, style.PRIOR, "prior", True),
+        (samples, style.DATA, "posterior", False),
     ):
         finite = draws[np.isfinite(draws)]
         if finite.size:
@@ -112,7 +94,7 @@ def draw_densities(
                 finite,
                 bins,
                 weights=weight,
-                color=PALE if filled else colour,
+                color=style.PALE if filled else colour,
                 lw=1.6,
                 label=label,
                 histtype="stepfilled" if filled else "step",
@@ -120,13 +102,13 @@ def draw_densities(
     axes.set_xlim(*limits)
     axes.set_yticks([])
     axes.set_ylabel("density")
-    shade(axes, marker.pieces, DATA)
+    shade(axes, marker.pieces, style.DATA)
     for value in marker.estimates:
-        axes.axvline(value, color=BLACK, lw=1.1, ls=DASHED)
-    place_legend(axes, loc="best")
+        axes.axvline(value, color=style.BLACK, lw=1.1, ls=style.DASHED)
+    style.place_legend(axes, loc="best")
 
 
-@styled
+@style.styled
 def quantity_figure(
     profile: tuple[Float[np.ndarray, " g"], Float[np.ndarray, " g"]] | None,
     samples: Float[np.ndarray, " n"],
@@ -158,12 +140,15 @@ def quantity_figure(
     """
     limits = _limits(profile, samples, modes, top=_top(level))
     if ax is not None:
-        profile, (figure, axes) = None, canvas(ax, width=COLUMN, height=COLUMN)
+        profile, (figure, axes) = (
+            None,
+            style.canvas(ax, width=style.COLUMN, height=style.COLUMN),
+        )
         panels = np.array([axes])
     else:
         n_panels = 1 if profile is None else 2
         height = 0.8 + 1.5 * n_panels
-        figure, room = sheet(fig, width=1.5 * COLUMN, height=height)
+        figure, room = style.sheet(fig, width=1.5 * style.COLUMN, height=height)
         panels = room.subplots(n_panels, 1, sharex=True, squeeze=False)[:, 0]
     draw_densities(panels[-1], samples, prior, marker=marker, limits=limits)
     if profile is not None:
@@ -178,9 +163,11 @@ def quantity_figure(
         inside = [mode for mode in modes if limits[0] <= mode <= limits[1]]
         if inside:
             heights = np.full(len(inside), 0.35)
-            panels[0].plot(inside, heights, "v", color=ALARM, ms=6, label="optimum")
-            place_legend(panels[0], loc="best")
-    panels[-1].set_xlabel(symbol_label(marker.name, unit), parse_math=True)
+            panels[0].plot(
+                inside, heights, "v", color=style.ALARM, ms=6, label="optimum"
+            )
+            style.place_legend(panels[0], loc="best")
+    panels[-1].set_xlabel(style.symbol_label(marker.name, unit), parse_math=True)
     panels[0].set_title(marker.title, fontweight="normal", fontsize=9, parse_math=True)
     return figure
 
@@ -219,7 +206,7 @@ def _limits(
     return whole if is_most else limits
 
 
-@styled
+@style.styled
 def learned_figure(
     names: Sequence[str],
     contraction: Float[np.ndarray, " p"],
@@ -236,17 +223,17 @@ def learned_figure(
         ax: Axes to draw into; None makes some.
     """
     height = 0.9 + 0.28 * len(names)
-    figure, axes = canvas(ax, width=1.5 * COLUMN, height=height)
+    figure, axes = style.canvas(ax, width=1.5 * style.COLUMN, height=height)
     rows = np.arange(len(names))[::-1]
-    axes.barh(rows, np.ones(len(names)), color=PALE, height=0.6, label="assumed")
+    axes.barh(rows, np.ones(len(names)), color=style.PALE, height=0.6, label="assumed")
     share = np.clip(np.nan_to_num(contraction), 0, 1)
-    axes.barh(rows, share, color=DATA, height=0.6, label="learned")
+    axes.barh(rows, share, color=style.DATA, height=0.6, label="learned")
     for row, verdict, value in zip(rows, verdicts, contraction, strict=True):
         number = f" ({100 * max(value, 0.0):.0f} %)" if np.isfinite(value) else ""
         axes.text(
             1.02, row, f"{verdict.replace('_', ' ')}{number}", va="center", fontsize=8
         )
-    axes.set_yticks(rows, [math_symbol(name) for name in names], parse_math=True)
+    axes.set_yticks(rows, [style.math_symbol(name) for name in names], parse_math=True)
     axes.set_xlim(0, 1)
     axes.set_xlabel("share of the prior variance that the data removed")
     axes.grid(visible=False)
@@ -256,20 +243,23 @@ def learned_figure(
     return figure
 
 
-@styled
+@style.styled
 def forest_figure(
     differences: Sequence[Difference], *, labels: tuple[str, str]
 ) -> "Figure":
     """Draw both intervals of each quantity below each other."""
     n = len(differences)
-    figure = new_figure(width=2 * COLUMN, height=0.75 * n + 0.6)
+    figure = style.new_figure(width=2 * style.COLUMN, height=0.75 * n + 0.6)
     panels = figure.subplots(n, 1, squeeze=False)[:, 0]
     for axes, one in zip(panels, differences, strict=True):
-        for row, quantity, colour in ((1, one.first, BLUE), (0, one.second, ORANGE)):
+        for row, quantity, colour in (
+            (1, one.first, style.BLUE),
+            (0, one.second, style.ORANGE),
+        ):
             assert quantity.interval is not None
             axes.plot(quantity.interval, (row, row), color=colour, lw=3, alpha=0.5)
             axes.plot(quantity.estimate, row, "o", color=colour, ms=5)
-        name = symbol_label(one.name, one.unit)
+        name = style.symbol_label(one.name, one.unit)
         axes.set_ylabel(name, rotation=0, ha="right", va="center", parse_math=True)
         axes.set_yticks([])
         axes.set_ylim(-0.6, 1.6)
@@ -279,7 +269,7 @@ def forest_figure(
     handles = [panels[0].lines[index] for index in (0, 2)]
     figure.legend(
         handles,
-        [drawable(label) for label in labels],
+        [style.drawable(label) for label in labels],
         loc="outside upper center",
         ncols=2,
     )

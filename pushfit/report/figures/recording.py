@@ -20,22 +20,12 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.tables.rules import CHANNELS
 from pushfit.data.tables.traces import ComponentTrace, Trace, envelope
 from pushfit.errors import counted
+from pushfit.report.figures import style
 from pushfit.report.figures.components import (
     draw_jerks,
     draw_stretches,
     explain,
     heights_in,
-)
-from pushfit.report.figures.style import (
-    ALARM,
-    BLACK,
-    DATA,
-    GREY,
-    PAGE,
-    axis_label,
-    drawable,
-    sheet,
-    styled,
 )
 
 if TYPE_CHECKING:
@@ -83,7 +73,7 @@ def draw_pushes(axes: "Axes", marks: pd.DataFrame, *, tip: str = "_") -> None:
         tip: Marker of heights that are in no doubt.
     """
     for mark in marks.to_dict("records"):
-        colour = ALARM if mark["flags"] else GREY
+        colour = style.ALARM if mark["flags"] else style.GREY
         start, end, peak = mark["t_start_s"], mark["t_end_s"], mark["t_peak_s"]
         has_extent = np.isfinite(start) and np.isfinite(end)
         if has_extent:
@@ -92,7 +82,7 @@ def draw_pushes(axes: "Axes", marks: pd.DataFrame, *, tip: str = "_") -> None:
         if not np.isfinite(base):
             continue
         ends = (start, end) if has_extent else (peak, peak)
-        axes.plot(ends, (base, base), color=BLACK, lw=0.9, zorder=3)
+        axes.plot(ends, (base, base), color=style.BLACK, lw=0.9, zorder=3)
         if np.isfinite(peak) and np.isfinite(height):
             top = base + height
             axes.plot((peak, peak), (base, top), color=colour, lw=0.9, zorder=3)
@@ -121,19 +111,19 @@ def label_pushes(axes: "Axes", marks: pd.DataFrame) -> None:
     for mark in marks.to_dict("records"):
         if mark["flags"] and np.isfinite(mark["t_peak_s"]):
             axes.annotate(
-                drawable(mark["flags"].replace(";", ", ")),
+                style.drawable(mark["flags"].replace(";", ", ")),
                 (mark["t_peak_s"], 0.98),
                 xycoords=("data", "axes fraction"),
                 ha="right",
                 va="top",
                 fontsize=6.5,
-                color=ALARM,
+                color=style.ALARM,
                 rotation=90,
                 bbox={"fc": "white", "ec": "none", "alpha": 0.75, "pad": 0.6},
             )
 
 
-@styled
+@style.styled
 def recording_figure(
     time: Float[np.ndarray, " n"],
     signal: Float[np.ndarray, " n"],
@@ -174,7 +164,7 @@ def recording_figure(
     for across, row, edge in zip(grid, rows, edges, strict=True):
         for axes, (name, samples, own_marks) in zip(across, panels, strict=True):
             _draw_panel(axes, *samples, marks=own_marks.iloc[row], edge=edge)
-            label = axis_label(name, unit)
+            label = style.axis_label(name, unit)
             axes.set_ylabel(label if axes is across[0] else fill(label, LETTERS))
         label_pushes(across[0], marks.iloc[row])
     last = grid[-1, -1]
@@ -208,7 +198,7 @@ def _draw_panel(
     time, signal = envelope(time[inside], signal[inside], max_points=MAX_POINTS)
     is_jerk = np.isin(time, jerks)
     kept = np.where(is_jerk, np.nan, signal)
-    axes.plot(time, kept, color=DATA, lw=0.8, zorder=2)
+    axes.plot(time, kept, color=style.DATA, lw=0.8, zorder=2)
     if is_jerk.any():
         draw_jerks(axes, time, signal, is_jerk=is_jerk)
     has_stretches = "first_s" in marks
@@ -230,7 +220,7 @@ def _grid(
     n_components = n_panels - 1
     ratios = [1.0, *[COMPONENT] * n_components] * n_rows
     height = 0.6 + ROW * sum(ratios) + (LEGEND if n_components else 0.0)
-    figure, room = sheet(fig, width=PAGE, height=height)
+    figure, room = style.sheet(fig, width=style.PAGE, height=height)
     grid = room.subplots(len(ratios), 1, squeeze=False, height_ratios=ratios)
     grid = grid.reshape(n_rows, n_panels)
     for across in grid:

@@ -13,25 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from pushfit.fit.assess.reporting_rules import Pieces
-from pushfit.report.figures.style import (
-    ALARM,
-    BLACK,
-    COLUMN,
-    DASHED,
-    DASHES,
-    MARKERS,
-    PAGE,
-    angle_words,
-    canvas,
-    channel_label,
-    draw_tip,
-    drawable,
-    math_symbol,
-    place_legend,
-    series_colours,
-    sheet,
-    styled,
-)
+from pushfit.report.figures import style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -114,8 +96,9 @@ class Marker:
     @property
     def title(self) -> str:
         """Symbol, azimuth and text, as mathtext."""
-        where = "" if self.fixed_deg is None else angle_words(" at α", self.fixed_deg)
-        return f"{math_symbol(self.name)}{where}:  {drawable(self.text)}"
+        alpha = self.fixed_deg
+        where = "" if alpha is None else style.angle_words(" at α", alpha)
+        return f"{style.math_symbol(self.name)}{where}:  {style.drawable(self.text)}"
 
 
 def draw_sweep(
@@ -128,7 +111,7 @@ def draw_sweep(
         index: Number of the series; decides marker and dashes.
     """
     scale = np.radians if axes.name == "polar" else np.asarray
-    dashes = DASHES[index % len(DASHES)]
+    dashes = style.DASHES[index % len(style.DASHES)]
     if sweep.grid_deg.size:
         grid = scale(sweep.grid_deg)
         if sweep.lower.size:
@@ -142,7 +125,7 @@ def draw_sweep(
         sweep.height[used],
         yerr=np.nan_to_num(sweep.sd[used]),
         color=colour,
-        fmt=MARKERS[index % len(MARKERS)],
+        fmt=style.MARKERS[index % len(style.MARKERS)],
         ms=4,
         mfc="white",
         mew=1.1,
@@ -155,14 +138,18 @@ def draw_sweep(
             scale(sweep.angle_deg[~used]),
             sweep.height[~used],
             "x",
-            color=ALARM,
+            color=style.ALARM,
             ms=6,
             zorder=4,
         )
 
 
 def draw_marker(
-    axes: "Axes", marker: Marker, *, sweep: Sweep | None = None, colour: str = BLACK
+    axes: "Axes",
+    marker: Marker,
+    *,
+    sweep: Sweep | None = None,
+    colour: str = style.BLACK,
 ) -> None:
     """Mark a quantity and its set on the angle axis, and on the curve it belongs to.
 
@@ -187,7 +174,7 @@ def draw_marker(
                 curve = np.interp(inside, grid, sweep.best_fit, **BEYOND)
                 axes.plot(inside, curve, color=colour, lw=6, alpha=0.4, zorder=2.5)
     for value in marker.estimates:
-        axes.axvline(value, color=colour, lw=1.1, ls=DASHED, zorder=2)
+        axes.axvline(value, color=colour, lw=1.1, ls=style.DASHED, zorder=2)
         if sweep is not None:
             height = np.interp(value, sweep.grid_deg, sweep.best_fit, **BEYOND)
             axes.plot(value, height, "o", color=colour, mec="white", ms=7, zorder=5)
@@ -208,9 +195,9 @@ def _draw_extent(axes: "Axes", left: float, right: float, *, colour: str) -> Non
     edge = {"transform": axes.get_xaxis_transform(), "clip_on": False}
     axes.plot([left, right], [1, 1], color=colour, lw=3, solid_capstyle="butt", **edge)
     if left > low:
-        draw_tip(axes, left, 1.0, toward_deg=0.0, colour=colour, **edge)
+        style.draw_tip(axes, left, 1.0, toward_deg=0.0, colour=colour, **edge)
     if right < high:
-        draw_tip(axes, right, 1.0, toward_deg=180.0, colour=colour, **edge)
+        style.draw_tip(axes, right, 1.0, toward_deg=180.0, colour=colour, **edge)
 
 
 def set_angle_ticks(axes: "Axes", swept: str) -> None:
@@ -240,17 +227,17 @@ def draw_panel(
 ) -> None:
     """Draw all sweeps of one angle into cartesian axes."""
     letter = {"theta": "α", "alpha": "θ"}[swept]
-    colours = series_colours(len(sweeps))
+    colours = style.series_colours(len(sweeps))
     for index, sweep in enumerate(sweeps):
-        label = angle_words(letter, sweep.fixed_deg)
+        label = style.angle_words(letter, sweep.fixed_deg)
         draw_sweep(axes, sweep, index=index, colour=colours[index], label=label)
     # Heights change sign with the elevation where the grasp is preloaded; along the
     # azimuth zero would only flatten the curve.
     if swept == "theta":
-        axes.axhline(0, color=BLACK, lw=0.6)
+        axes.axhline(0, color=style.BLACK, lw=0.6)
     words = {"theta": "push elevation θ [°]", "alpha": "push azimuth α [°]"}
     axes.set_xlabel(words[swept])
-    axes.set_ylabel(channel_label(channel, unit))
+    axes.set_ylabel(style.channel_label(channel, unit))
     axes.margins(x=MARGIN, y=0.12)
     if marker is not None:
         own = _sweep_of(marker, sweeps)
@@ -266,7 +253,7 @@ def draw_panel(
         title += f", {100 * prob:g} % band"
     if not all(sweep.is_used.all() for sweep in sweeps):
         title += "; ×: left out"
-    place_legend(
+    style.place_legend(
         axes,
         loc="upper center",
         bbox_to_anchor=(0.5, -0.17),
@@ -290,7 +277,7 @@ def _sweep_of(marker: Marker, sweeps: Sequence[Sweep]) -> int | None:
     return None
 
 
-@styled
+@style.styled
 def theta_figure(
     sweeps: Sequence[Sweep],
     *,
@@ -302,7 +289,7 @@ def theta_figure(
 ) -> "Figure":
     """Peak height against elevation, one series per azimuth."""
     height = ALONE + legend_height(sweeps)
-    figure, axes = canvas(ax, width=1.5 * COLUMN, height=height)
+    figure, axes = style.canvas(ax, width=1.5 * style.COLUMN, height=height)
     draw_panel(
         axes,
         sweeps,
@@ -324,7 +311,7 @@ def draw_polar(axes: "Axes", sweeps: Sequence[Sweep], marker: Marker) -> None:
     """
     from matplotlib.ticker import MaxNLocator
 
-    colours = series_colours(len(sweeps))
+    colours = style.series_colours(len(sweeps))
     for index, sweep in enumerate(sweeps):
         draw_sweep(axes, sweep, index=index, colour=colours[index], label="_")
     top = 1.08 * max(float(np.nanmax(s.height, initial=0.0)) for s in sweeps) or 1.0
@@ -333,11 +320,13 @@ def draw_polar(axes: "Axes", sweeps: Sequence[Sweep], marker: Marker) -> None:
         inside = np.radians(np.linspace(low, high, N_CURVE))
         for turn in (0.0, np.pi):
             axes.fill_between(
-                inside + turn, 0, top, color=BLACK, alpha=POLAR_SHADE, lw=0
+                inside + turn, 0, top, color=style.BLACK, alpha=POLAR_SHADE, lw=0
             )
     for value in np.radians(marker.estimates):
         for turn in (0.0, np.pi):
-            axes.plot([value + turn] * 2, [0, top], color=BLACK, lw=1.1, ls=DASHED)
+            axes.plot(
+                [value + turn] * 2, [0, top], color=style.BLACK, lw=1.1, ls=style.DASHED
+            )
     axes.set_ylim(0, top)
     low, high = _wedge(sweeps, marker)
     axes.set_xlim(np.radians(low), np.radians(high))
@@ -354,7 +343,7 @@ def _wedge(sweeps: Sequence[Sweep], marker: Marker) -> tuple[float, float]:
     return (low, high) if high - low < 300 else (0.0, 360.0)
 
 
-@styled
+@style.styled
 def alpha_figure(
     sweeps: Sequence[Sweep],
     *,
@@ -379,11 +368,11 @@ def alpha_figure(
     marker = marker or Marker(name="alpha_star")
     panel = {"swept": "alpha", "channel": channel, "unit": unit, "prob": prob}
     if ax is not None:
-        figure, axes = canvas(ax, width=PAGE, height=PAGE)
+        figure, axes = style.canvas(ax, width=style.PAGE, height=style.PAGE)
         draw_panel(axes, sweeps, marker=marker, **panel)
         return figure
     height = BESIDE + legend_height(sweeps)
-    figure, room = sheet(fig, width=PAGE, height=height)
+    figure, room = style.sheet(fig, width=style.PAGE, height=height)
     # Apart, so that the legend of the one takes no room from the other.
     grid = room.add_gridspec(1, 2)
     left, right = room.add_subfigure(grid[0]), room.add_subfigure(grid[1])
@@ -391,7 +380,7 @@ def alpha_figure(
     draw_polar(right.add_subplot(projection="polar"), sweeps, marker)
     is_signed = any(np.any(sweep.height < 0) for sweep in sweeps)
     right.suptitle(
-        f"{'positive ' if is_signed else ''}{channel_label(channel, unit)}, "
+        f"{'positive ' if is_signed else ''}{style.channel_label(channel, unit)}, "
         "around the push frame",
         fontsize=8,
     )
