@@ -105,15 +105,17 @@ class CommandSession:
         if self.is_verbose:
             self.say(text, style="dim")
 
-    def print_json(self, document: Mapping[str, object]) -> None:
-        """Write the one document of --json to standard output."""
-        print(json.dumps(document, ensure_ascii=False, allow_nan=False, indent=2))
+    def answer(self, found: str | Mapping[str, object]) -> None:
+        """Write to standard output what was found: words, or the document of --json."""
+        if not isinstance(found, str):
+            found = json.dumps(found, ensure_ascii=False, allow_nan=False, indent=2)
+        print(found)
 
     def print_failure(
         self, status: str, message: str, *, problems: Sequence[str] = ()
     ) -> None:
         """Write the document of --json where there is no other."""
-        self.print_json(
+        self.answer(
             {
                 "schema": ERROR_SCHEMA,
                 "status": status,

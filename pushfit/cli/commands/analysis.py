@@ -150,14 +150,10 @@ def analyse(
                 )
     if wanted.out is not None:
         session.wrote(wanted.out)
-    if wanted.json:
-        from pushfit.report.store.summary import summary_dict
+    from pushfit.report.store.summary import summary_dict
+    from pushfit.report.text.result import render_text
 
-        session.print_json(summary_dict(found))
-    else:
-        from pushfit.report.text.result import render_text
-
-        print(render_text(found))
+    session.answer(summary_dict(found) if wanted.json else render_text(found))
     return 0 if found.status is FitStatus.OK else FitError.exit_code
 
 
@@ -180,10 +176,7 @@ def compare(
     peaks = load_table(table, settings)
     with session.progress() as progress:
         found = compare_models(peaks, settings, seed=seed, progress=progress)
-    if json:
-        session.print_json(comparison_dict(found))
-    else:
-        print(comparison_text(found))
+    session.answer(comparison_dict(found) if json else comparison_text(found))
     return 0 if found.status is FitStatus.OK else FitError.exit_code
 
 
@@ -217,10 +210,7 @@ def coverage(
     if plot is not None:
         save_figure(study_figure(found), plot)
         session.wrote(plot)
-    if json:
-        session.print_json(study_dict(found))
-    else:
-        print(study_text(found))
+    session.answer(study_dict(found) if json else study_text(found))
 
 
 def example_folder() -> Path:

@@ -109,9 +109,7 @@ def report(session: CommandSession, found: "Batch", *, is_json: bool) -> int:
     if is_json:
         status = "some_failed" if found.failures else "ok"
         files = [str(path) for path in found.files]
-        session.print_json(
-            {"schema": SCHEMA, "status": status, **facts, "files": files}
-        )
+        session.answer({"schema": SCHEMA, "status": status, **facts, "files": files})
         return code
     for name, number in facts.items():
         which = f" ({listed(names[name])})" if name in names and number else ""

@@ -32,7 +32,7 @@ def doctor(session: CommandSession, json: options.JsonOption = False) -> None:
     }
     versions = installed_versions()
     if json:
-        session.print_json({"schema": SCHEMA, **facts, "versions": versions})
+        session.answer({"schema": SCHEMA, **facts, "versions": versions})
         return
     for name, value in (facts | versions).items():
         print(f"{name:<20} {value or 'not installed'}")

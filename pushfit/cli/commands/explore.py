@@ -83,10 +83,8 @@ def next(
     if plot is not None:
         session.wrote(plot)
     session.warn_of((*ignored, *explorer.belief.warnings))
-    if json:
-        session.print_json(next_dict(explorer, suggestions))
-    else:
-        print(next_text(explorer, suggestions))
+    write = next_dict if json else next_text
+    session.answer(write(explorer, suggestions))
     if explorer.history.stopped is None:
         return 0
     # By its heights, or by limits that allow no push.
@@ -263,7 +261,7 @@ def _run(
             "other limits need another --out"
         )
     if json:
-        session.print_json({**summary_dict(found), "exploration": state_dict(state)})
+        session.answer({**summary_dict(found), "exploration": state_dict(state)})
     else:
         print(state.sentence)
         for name in explorer.question.ask:

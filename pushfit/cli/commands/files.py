@@ -74,7 +74,7 @@ def validate(
     for message in in_few_lines(problems):
         session.complain(message)
     if json:
-        session.print_json(
+        session.answer(
             {
                 "schema": SCHEMA,
                 "status": "rejected" if problems else "ok",

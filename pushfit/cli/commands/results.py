@@ -71,7 +71,4 @@ def diff(
         labels = (first.name, second.name)
         save_figure(forest_figure(found.differences, labels=labels), plot)
         session.wrote(plot)
-    if json:
-        session.print_json(difference_dict(found))
-    else:
-        print(difference_text(found))
+    session.answer(difference_dict(found) if json else difference_text(found))

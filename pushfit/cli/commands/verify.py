@@ -45,10 +45,8 @@ def verify(
     found = locate_inputs(summary, result, inputs)
     again = run_again(session, summary, found)
     comparison = compare_result(result, summary, again)
-    if json:
-        session.print_json(as_document(comparison, found))
-    else:
-        print("\n".join(sentences(comparison)))
+    words = "\n".join(sentences(comparison))
+    session.answer(as_document(comparison, found) if json else words)
     return 0 if comparison.is_reproduced else FitError.exit_code
 
 
