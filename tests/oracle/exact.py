@@ -21,7 +21,6 @@ from pushfit.fit.problem.priors.conditional_prior import (
     make_conditional_prior,
 )
 from pushfit.fit.problem.priors.quadrature import draw_from_nodes
-from pushfit.fit.problem.priors.tabulated_density import tabulate
 from pushfit.fit.problem.setup import Setup
 from pushfit.fit.programs.compile import compiled
 from pushfit.fit.results import FitResult
@@ -112,9 +111,9 @@ def exact_grid(setup: Setup, fit: FitResult, *, rtol: float = RTOL) -> ExactGrid
     integrand = Integrand(
         problem=problem,
         constant=problem.log_likelihood(state) + deviance / 2,
-        prior_A=tabulate(conditional.normal.density()),
-        prior_B=tabulate(conditional.tangential.density()),
-        prior_C=tabulate(conditional.C_rr),
+        prior_A=priors.density_table(conditional.normal.density()),
+        prior_B=priors.density_table(conditional.tangential.density()),
+        prior_C=priors.density_table(conditional.C_rr),
     )
     cells = _adaptive(integrand, first_edges(integrand, fit), rtol)
     error = min(cells.relative_error, 1 - 1e-12)

@@ -17,7 +17,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from pushfit.fit.problem.priors.tabulated_density import TabulatedDensity
 from pushfit.fit.problem.problem import Problem
 from pushfit.model import Scalar, contact
 from tests.oracle import priors
@@ -68,9 +67,9 @@ class Integrand(eqx.Module):
 
     problem: Problem
     constant: Scalar
-    prior_A: TabulatedDensity
-    prior_B: TabulatedDensity
-    prior_C: TabulatedDensity
+    prior_A: priors.DensityTable
+    prior_B: priors.DensityTable
+    prior_C: priors.DensityTable
 
     def over_C(self, u: Scalar) -> Inner:
         """Integral over C_rr and A."""
@@ -209,7 +208,7 @@ def _integrate(
     return Inner(t, centre, scale, log_density, jnp.log(total) + peak, error)
 
 
-def _range(table: TabulatedDensity) -> tuple[Scalar, Scalar]:
+def _range(table: priors.DensityTable) -> tuple[Scalar, Scalar]:
     return table.start, priors.end(table)
 
 

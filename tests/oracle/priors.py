@@ -1,5 +1,6 @@
 """Densities and draws of the parameters behind A and B, from the package's tables."""
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import scipy
@@ -10,15 +11,59 @@ from pushfit.fit.problem.priors.conditional_prior import (
     ConditionalPrior,
     Pair,
 )
-from pushfit.fit.problem.priors.tabulated_density import TabulatedDensity
+from pushfit.fit.problem.priors.tabulated_density import (
+    LogDensity,
+    TabulatedDensity,
+    tabulate,
+)
+from pushfit.model import as_float
 
 
-def end(table: TabulatedDensity) -> Float[Array, ""]:
+class DensityTable(eqx.Module):
+    """Log density on a regular grid, for use inside compiled code.
+
+    Args:
+        start: First grid point [ln unit].
+        step: Distance of grid points [ln unit].
+        values: Log density at them, up to a constant.
+        mean: Mean of the log [ln unit].
+        sd: Standard deviation of the log.
+    """
+
+    start: Float[Array, ""]
+    step: Float[Array, ""]
+    values: Float[Array, " g"]
+    mean: Float[Array, ""]
+    sd: Float[Array, ""]
+
+
+def density_table(density: LogDensity) -> DensityTable:
+    """Table of a density, with its moments."""
+    table = tabulate(density)
+    mean, sd = moments(table)
+    return DensityTable(
+        start=as_float(table.start),
+        step=as_float(table.step),
+        values=as_float(table.values),
+        mean=as_float(mean),
+        sd=as_float(sd),
+    )
+
+
+def moments(table: TabulatedDensity) -> tuple[float, float]:
+    """Mean and standard deviation of the log, by the trapezoidal rule."""
+    grid, mass = table.grid, np.exp(table.values - np.max(table.values))
+    mass[[0, -1]] /= 2
+    mean = np.sum(mass * grid) / np.sum(mass)
+    return float(mean), float(np.sqrt(np.sum(mass * (grid - mean) ** 2) / np.sum(mass)))
+
+
+def end(table: DensityTable) -> Float[Array, ""]:
     """Last grid point."""
     return table.start + table.step * (table.values.size - 1)
 
 
-def log_density(table: TabulatedDensity, u: Float[Array, "*s"]) -> Float[Array, "*s"]:
+def log_density(table: DensityTable, u: Float[Array, "*s"]) -> Float[Array, "*s"]:
     """Cubic through the four nearest grid points; -inf outside the grid."""
     place = (u - table.start) / table.step
     inside = (place >= 0) & (place <= table.values.size - 1)

@@ -110,9 +110,7 @@ def tabulated_prior(
     prior: TabulatedDensity, values: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, " n"]:
     """Log density from its table; 20 points per standard deviation need no cubic."""
-    heights = np.asarray(prior.values)
-    grid = float(prior.start) + float(prior.step) * np.arange(heights.size)
-    return np.interp(values, grid, heights)
+    return np.interp(values, prior.grid, prior.values)
 
 
 def prior_of_angle(

@@ -93,9 +93,8 @@ class Pair(abc.ABC):
         density = self.density()
         if not isinstance(density, LogDensity):
             raise TypeError("both of the pair are fixed, and have no quantiles")
-        table = tabulate(density)
-        start, step = float(table.start), float(table.step)
-        rows = np.linspace(start, start + step * (table.values.size - 1), N_ROWS)
+        grid = tabulate(density).grid
+        rows = np.linspace(grid[0], grid[-1], N_ROWS)
         t, log_joint, _ = self._joint(rows)
         probs = np.broadcast_to(scipy.special.ndtr(SCORES), (N_ROWS, SCORES.size))
         # The outermost rows may lie outside the range of both.

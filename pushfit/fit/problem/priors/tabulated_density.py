@@ -1,4 +1,4 @@
-"""Densities of logs of positive numbers: as functions, and as tables for compiled code.
+"""Densities of logs of positive numbers: as functions, and as tables.
 
 Excluded: where they come from.
 """
@@ -6,10 +6,9 @@ Excluded: where they come from.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import equinox as eqx
 import numpy as np
 import scipy
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from pushfit.fit.problem.priors.distributions import Prior, log_prior_at
 from pushfit.model import as_float
@@ -47,26 +46,28 @@ class LogDensity:
     log_prob: Callable[[Values], Values]
 
 
-class TabulatedDensity(eqx.Module):
-    """Log density on a regular grid, for use inside compiled code.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TabulatedDensity:
+    """Log density on a regular grid.
 
     Args:
         start: First grid point [ln unit].
         step: Distance of grid points [ln unit].
         values: Log density at them, up to a constant.
-        mean: Mean of the log [ln unit].
-        sd: Standard deviation of the log.
     """
 
-    start: Float[Array, ""]
-    step: Float[Array, ""]
-    values: Float[Array, " g"]
-    mean: Float[Array, ""]
-    sd: Float[Array, ""]
+    start: float
+    step: float
+    values: Float[np.ndarray, " g"]
+
+    @property
+    def grid(self) -> Float[np.ndarray, " g"]:
+        """All grid points [ln unit]."""
+        return self.start + self.step * np.arange(self.values.size)
 
     def shifted(self, by: float) -> "TabulatedDensity":
         """Density of the log of a number that is exp(by) times as large."""
-        return replace(self, start=self.start + by, mean=self.mean + by)
+        return replace(self, start=self.start + by)
 
 
 def prior_density(prior: Prior) -> LogDensity:
@@ -105,17 +106,8 @@ def tabulate(density: LogDensity) -> TabulatedDensity:
     grid = np.linspace(low, high, n)
     values = np.nan_to_num(density.log_prob(grid), nan=-np.inf)
     values = np.maximum(values, np.max(values) - 2 * DEPTH)
-    mass = np.exp(values - np.max(values))
-    mass[[0, -1]] /= 2
-    mean = np.sum(mass * grid) / np.sum(mass)
-    sd = np.sqrt(np.sum(mass * (grid - mean) ** 2) / np.sum(mass))
-    return TabulatedDensity(
-        start=as_float(low),
-        step=as_float((high - low) / (n - 1)),
-        values=as_float(values),
-        mean=as_float(mean),
-        sd=as_float(sd),
-    )
+    step = float(high - low) / (n - 1)
+    return TabulatedDensity(start=float(low), step=step, values=values)
 
 
 def tabulated(density: LogDensity) -> LogDensity:
@@ -125,9 +117,7 @@ def tabulated(density: LogDensity) -> LogDensity:
         Density with the ends of the table.
     """
     table = tabulate(density)
-    values = np.asarray(table.values)
-    grid = float(table.start) + float(table.step) * np.arange(values.size)
-    return _interpolated(grid, values, density.scale)
+    return _interpolated(table.grid, table.values, density.scale)
 
 
 def _interpolated(
