@@ -122,11 +122,7 @@ class Asked:
 
 
 def sensor_unit(*settings: "GraspConfig", stated: SensorUnit | None) -> str:
-    """Unit of a sensor that no table tells of: as stated, or that of a preload.
-
-    Raises:
-        ConfigError: A preload is not known in the unit that is stated.
-    """
+    """Unit of a sensor that no table tells of: as stated, or that of a preload."""
     of_preload = [*filter(None, (one.grasp.preload[1] for one in settings))]
     if stated is None:
         return next(iter(of_preload), "n")

@@ -22,9 +22,6 @@ def read_settings(layout: SettingsOptions, **peaks: Any) -> "GraspConfig":
 
     Args:
         peaks: What options say of `[peaks]`; None, False and [] say nothing.
-
-    Raises:
-        ConfigError: A file is wrong, or an option is no pair.
     """
     from pushfit.config import read_config
 
@@ -95,9 +92,6 @@ def load_peaks(
     Args:
         schedules: Their schedules, in the same order; none if the recordings have
             angle columns.
-
-    Raises:
-        ConfigError: The schedules do not go with the recordings.
     """
     from pushfit.data.check import expect_kind
     from pushfit.data.load import configured_peaks, configured_recording, reader_options
@@ -126,11 +120,7 @@ def load_peaks(
 
 
 def load_table(path: Path, config: "GraspConfig") -> "PeakTable":
-    """Peak heights from a file that holds them.
-
-    Raises:
-        DataError: It is something else, or breaks a rule.
-    """
+    """Peak heights from a file that holds them."""
     from pushfit.data.check import expect_kind
     from pushfit.data.load import reader_options
     from pushfit.data.tables.peak_table import read_table

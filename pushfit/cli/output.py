@@ -38,11 +38,7 @@ def refuse_existing(path: Path, *, force: bool) -> None:
 
 
 def refuse_picture(path: Path | None, *, force: bool) -> None:
-    """The same for a picture, whose suffix has to name a format.
-
-    Raises:
-        ConfigError: It cannot be written under this name.
-    """
+    """The same for a picture, whose suffix has to name a format."""
     if path is not None:
         picture_format(path)
         refuse_existing(path, force=force)

@@ -57,15 +57,7 @@ Debug = Annotated[bool, typer.Option("--debug", help="Show tracebacks.")]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandSession:
-    """One run of one command.
-
-    Args:
-        is_quiet: Whether only errors go to stderr.
-        is_verbose: Whether it is told what is done.
-        is_debug: Whether errors show tracebacks.
-        is_json: Whether standard output is one document.
-        flags: Options of the command by the names of arguments.
-    """
+    """One run of one command; `flags` are its options by the names of arguments."""
 
     is_quiet: bool
     is_verbose: bool

@@ -33,13 +33,7 @@ class Correlation:
 
 
 def result_frame(identification: Identification) -> pd.DataFrame:
-    """Angles, parameters and combinations, one row each.
-
-    Returns:
-        Indexed by name: `kind` ("angle", "parameter" or "combination"), `estimate`,
-        `lower`, `upper`, `prob`, `unit`, `verdict`, `contraction` and `note`. NaN is
-        unknown or not to be quoted.
-    """
+    """Angles, parameters and combinations, with the columns of `Result.to_frame`."""
     kinds = (
         ("angle", (identification.theta_c, identification.alpha_star)),
         ("parameter", identification.parameters),

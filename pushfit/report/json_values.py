@@ -18,11 +18,7 @@ Json = dict[str, object] | list[object] | str | int | float | bool | None
 
 
 def json_safe(value: object) -> Json:
-    """Value for JSON: NaN and infinity as null, records by the names of their fields.
-
-    Args:
-        value: Records, mappings, sequences, arrays, members and scalars, nested.
-    """
+    """Value for JSON: NaN and infinity are null, records tables of their fields."""
     if is_dataclass(value):
         return {f.name: json_safe(getattr(value, f.name)) for f in fields(value)}
     if isinstance(value, Mapping):

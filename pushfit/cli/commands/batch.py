@@ -85,11 +85,7 @@ def batch(
 
 
 def report(session: CommandSession, found: "Batch", *, is_json: bool) -> int:
-    """Say what came out.
-
-    Returns:
-        Exit code.
-    """
+    """Say what came out; the exit code says whether all of it did."""
     code = SOME_FAILED if found.failures else 0
     if found.notice:
         session.warn(found.notice)

@@ -39,11 +39,7 @@ def doctor(session: CommandSession, json: options.JsonOption = False) -> None:
 
 
 def check_arithmetic() -> None:
-    """Compare the model with Eq. (11) worked out by hand.
-
-    Raises:
-        FitError: They differ, as they would in single precision.
-    """
+    """Compare the model with Eq. (11) worked out by hand."""
     from pushfit.mechanics.directions import critical_angle
     from pushfit.model import Grasp, Parameters, as_float
 

@@ -115,21 +115,12 @@ class Saver:
         self.config = out / f"{recording.stem}_grasp.toml"
 
     def refuse_taken(self) -> None:
-        """Protect files that are there already.
-
-        Raises:
-            ConfigError: One exists and may not be replaced.
-        """
+        """Protect files that are there already."""
         for path in (self.schedule, self.config):
             refuse_existing(path, force=self._force)
 
     def __call__(self, look: "Look") -> str:
-        """Write both files; say so, and which command to run next.
-
-        Raises:
-            ConfigError: A file exists and may not be replaced.
-            DataError: A direction is not said, or breaks a rule.
-        """
+        """Write both files; say so, and which command to run next."""
         from pushfit.config import template
         from pushfit.data.plans.schedule import write_schedule
 

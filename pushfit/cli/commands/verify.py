@@ -53,12 +53,7 @@ def verify(
 def locate_inputs(
     summary: dict[str, Any], result: Path, folder: Path | None
 ) -> dict[str, Path]:
-    """Where inputs are now, by recorded name, each with the content it had then.
-
-    Raises:
-        ConfigError: The result does not say how its table was made.
-        DataError: An input is missing or has changed.
-    """
+    """Where inputs are now, by recorded name, each with the content it had then."""
     from pushfit.data.text.files import sha256_of
     from pushfit.report.store.output_folder import SETTINGS
 
@@ -101,9 +96,6 @@ def locate(path: str, result: Path, folder: Path | None) -> Path:
 
     Args:
         folder: Folder to look in instead; there the name alone is enough.
-
-    Raises:
-        DataError: It is in none of these places.
     """
     # Not in the result itself: its own peaks.csv is no witness.
     places = [Path(path), result.parent / path]
@@ -147,11 +139,7 @@ def run_again(
 
 
 def recorded_config(summary: dict[str, Any]) -> "GraspConfig":
-    """Settings that a result was made with.
-
-    Raises:
-        ConfigError: This version does not understand them.
-    """
+    """Settings that a result was made with."""
     from pydantic import ValidationError
 
     from pushfit.config import GraspConfig

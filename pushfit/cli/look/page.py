@@ -300,9 +300,6 @@ def start_server(
     Args:
         look: What is shown; the same in every window, so that nothing is lost when a
             page is loaded again.
-
-    Raises:
-        ConfigError: The port cannot be had (`port`).
     """
 
     def open_page(document: Document) -> None:

@@ -161,9 +161,6 @@ class Look:
         Args:
             theta: Elevation, empty where unknown [deg].
             alpha: Azimuth [deg].
-
-        Raises:
-            ConfigError: A text is no number (`angles`).
         """
         both = [
             angles_of(text, name)[0] if text.strip() else np.nan
@@ -212,9 +209,6 @@ class Look:
         """Directions of the pushes as a plan, with their times.
 
         The times leave no doubt about which hump is which push.
-
-        Raises:
-            DataError: An angle is not said (`no_directions`), or breaks a rule.
         """
         rows = self.pushes
         theta = np.array([self.theta_deg[k] for k in rows])
@@ -279,9 +273,6 @@ class Look:
 
         Returns:
             One row per push, with directions as soon as all are known.
-
-        Raises:
-            DataError: No hump counts, or a command would refuse.
         """
         peaks: PeakSettings = self.settled().peaks
         if self.pushes and all(self.is_directed(k) for k in self.pushes):
@@ -300,9 +291,6 @@ def angles_of(text: str, name: str) -> Sequence[float]:
 
     Args:
         text: Numbers, or first, last (which is one of them) and step.
-
-    Raises:
-        ConfigError: It is neither (`angles`).
     """
     try:
         if ":" in text:

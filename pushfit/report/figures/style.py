@@ -224,11 +224,7 @@ METADATA: Mapping[str, Mapping[str, str | None]] = {
 
 
 def save_figure(figure: "Figure", path: Path) -> None:
-    """Write a figure; the suffix decides the format.
-
-    Raises:
-        ConfigError: The suffix is none of those that can be written.
-    """
+    """Write a figure; the suffix decides the format."""
     content = figure_bytes(figure, picture_format(path))
     with atomic_path(path) as temporary:
         temporary.write_bytes(content)

@@ -105,9 +105,6 @@ def render_batch(
             `outliers`, `not_usable` and `provisional`, names of items joined by
             ";". With an upper end alone a number is below it.
         notes: What is said of the population, as clauses.
-
-    Raises:
-        ConfigError: Jinja2 is not installed.
     """
     records = frame.to_dict("records")
     names = [n for n in (*ANGLES, *NUMBERS) if n in frame or f"{n}_deg" in frame]

@@ -30,11 +30,7 @@ INDEXED = re.compile(
 def render_page(
     template: str, content: Mapping[str, object], *, script: str = ""
 ) -> str:
-    """A file of `templates` with its style sheet, and a script if it has one.
-
-    Raises:
-        ConfigError: Jinja2 is not installed.
-    """
+    """A file of `templates` with its style sheet, and a script if it has one."""
     check_templates()
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
@@ -69,11 +65,7 @@ def render_page(
 
 
 def check_templates() -> None:
-    """Refuse a page where nothing can fill it in.
-
-    Raises:
-        ConfigError: Jinja2 is not installed.
-    """
+    """Refuse a page where nothing can fill it in."""
     if find_spec("jinja2") is None:
         raise ConfigError(
             "the HTML report needs Jinja2, which is not installed; "

@@ -51,9 +51,6 @@ def render_html(
     Args:
         files: Figures as `figure_files` makes them; None makes them here.
         extra: Files of the folder that no identification makes; pictures are shown.
-
-    Raises:
-        ConfigError: Jinja2 is not installed.
     """
     files = dict(files or figure_files(identification, is_wanted=is_shown))
     stacked = main_figure(identification, is_stacked=True)
