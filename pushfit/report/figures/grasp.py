@@ -23,6 +23,7 @@ from pushfit.report.figures.style import (
     COLUMN,
     DASHED,
     DATA,
+    ESTIMATE,
     GREY,
     PALE,
     PRIOR,
@@ -249,9 +250,7 @@ def draw_ellipses(
     reach = 1.6 * float(np.max(np.abs(outline)))
     for value in np.radians(alpha_star.estimates if alpha_star else ()):
         ends = reach * np.array([-1.0, 1.0])
-        axes.plot(
-            ends * np.cos(value), ends * np.sin(value), color=BLACK, lw=1.1, ls=DASHED
-        )
+        axes.plot(ends * np.cos(value), ends * np.sin(value), **ESTIMATE)
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
     label = drawable(unit_label(unit))
     axes.set_xlabel(f"x, along the supports [{label}]")
@@ -289,7 +288,7 @@ def ellipse_figure(
         entries["not learned from these data"] = Line2D([], [], color=PRIOR, lw=1.8)
     if alpha_star is not None and alpha_star.estimates:
         words = f"{math_symbol('alpha_star')} {drawable(alpha_star.text)}"
-        entries[words] = Line2D([], [], color=BLACK, lw=1.1, ls=DASHED)
+        entries[words] = Line2D([], [], **ESTIMATE)
     legend = room.legend(
         list(entries.values()),
         list(entries),

@@ -104,7 +104,7 @@ def draw_densities(
     axes.set_ylabel("density")
     shade(axes, marker.pieces, style.DATA)
     for value in marker.estimates:
-        axes.axvline(value, color=style.BLACK, lw=1.1, ls=style.DASHED)
+        axes.axvline(value, **style.ESTIMATE)
     style.place_legend(axes, loc="best")
 
 

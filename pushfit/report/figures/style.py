@@ -31,8 +31,9 @@ GREY, PALE = "#6E6E6E", "#D9D9D9"
 SERIES = (BLUE, ORANGE, GREEN, PURPLE, VERMILLION, SKY, BLACK)
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 DASHES = ("-", "--", "-.", ":")
-# Of lines that mark an answer.
+# Of lines that mark an answer; of an estimate in full.
 DASHED = (0, (4, 2))
+ESTIMATE: Mapping[str, Any] = {"color": BLACK, "lw": 1.1, "ls": DASHED}
 # Of the tips that show a set which may be narrower than a line [points].
 TIP = 7
 

@@ -324,9 +324,7 @@ def draw_polar(axes: "Axes", sweeps: Sequence[Sweep], marker: Marker) -> None:
             )
     for value in np.radians(marker.estimates):
         for turn in (0.0, np.pi):
-            axes.plot(
-                [value + turn] * 2, [0, top], color=style.BLACK, lw=1.1, ls=style.DASHED
-            )
+            axes.plot([value + turn] * 2, [0, top], **style.ESTIMATE)
     axes.set_ylim(0, top)
     low, high = _wedge(sweeps, marker)
     axes.set_xlim(np.radians(low), np.radians(high))
