@@ -162,11 +162,10 @@ def _noise(identification: Identification) -> str:
     if not sigma.size:
         return ""
     low, high = float(np.min(sigma)), float(np.max(sigma))
-    unit = identification.table.unit
-    if high - low <= 1e-3 * high:
-        return f"sd {with_unit(format_number(high), unit)}"
-    ends = f"{format_number(low)} to {format_number(high)}"
-    return f"sd {with_unit(ends, unit)}"
+    ends = format_number(high)
+    if high - low > 1e-3 * high:
+        ends = f"{format_number(low)} to {ends}"
+    return f"sd {with_unit(ends, identification.table.unit)}"
 
 
 def _optima(identification: Identification) -> str:

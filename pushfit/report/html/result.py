@@ -117,11 +117,12 @@ def _rows(quantities: tuple[Quantity, ...]) -> list[tuple[str, ...]]:
 
 
 def _main_caption(identification: Identification) -> str:
-    parts = ["Peak heights of the pushes, the best fit and the credible band"]
-    parts.append("dashed: the answer; shaded, and between two tips above: its set")
     if identification.posterior.status is not FitStatus.OK:
-        parts = ["Peak heights of the pushes and the best fit"]
-    return "; ".join(parts) + "."
+        return "Peak heights of the pushes and the best fit."
+    return (
+        "Peak heights of the pushes, the best fit and the credible band; dashed: the "
+        "answer; shaded, and between two tips above: its set."
+    )
 
 
 def _sweep_captions(identification: Identification) -> list[tuple[str, str]]:

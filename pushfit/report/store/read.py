@@ -58,18 +58,17 @@ def read_summary(folder: str | Path) -> dict[str, Any]:
         summary = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         fault = getattr(error, "strerror", None) or error
+        reason = (
+            f"not a result, because {path.name} cannot be read ({fault}); name the "
+            "folder of a result"
+        )
         if (Path(folder) / "batch.sqlite").exists():
-            raise DataError(
-                f"{folder}: is the folder of a batch, and its page is report.html; "
-                "name the result of an item in items/, which a batch writes where "
-                "folders are asked for",
-                code="not_a_result",
-            ) from error
-        raise DataError(
-            f"{folder}: not a result, because {path.name} cannot be read "
-            f"({fault}); name the folder of a result",
-            code="not_a_result",
-        ) from error
+            reason = (
+                "is the folder of a batch, and its page is report.html; name the "
+                "result of an item in items/, which a batch writes where folders are "
+                "asked for"
+            )
+        raise DataError(f"{folder}: {reason}", code="not_a_result") from error
     schema = summary.get("schema") if isinstance(summary, dict) else None
     if schema != SCHEMA:
         raise DataError(

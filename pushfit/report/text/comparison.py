@@ -55,11 +55,7 @@ def comparison_sentences(comparison: Comparison) -> list[str]:
             is_worse=lambda model: model.is_less_evident,
             reason=lambda model: _odds(model.log_bayes_factor),
         )
-        sampled = [
-            model_name(model)
-            for model in comparison.models
-            if model.log_evidence is None
-        ]
+        sampled = [model_name(m) for m in comparison.models if m.log_evidence is None]
         if sampled:
             sentences.append(
                 f"The posterior of {join_and(sampled)} is sampled, which gives no "
@@ -78,11 +74,8 @@ def comparison_sentences(comparison: Comparison) -> list[str]:
             f"{model.elpd_difference_se:.1f}"
         ),
     )
-    unpredicted = [
-        model_name(model)
-        for model in comparison.models
-        if model.densities is None and model.status is FitStatus.OK
-    ]
+    sound = [model for model in comparison.models if model.status is FitStatus.OK]
+    unpredicted = [model_name(model) for model in sound if model.densities is None]
     if unpredicted:
         sentences.append(
             f"No push is predicted from the others by {join_and(unpredicted)}, whose "

@@ -111,14 +111,12 @@ def compare_results(first: Identification, second: Identification) -> ResultDiff
             left_out.append(f"{symbol(ours.name)}, because {reason}")
         else:
             found.append(_difference(ours, theirs, first, second))
-    titles = [mechanics_named(one.mechanics).title for one in (first, second)]
-    notes = (
-        [f"the first is by {titles[0]}, the second by {titles[1]}, which differ, too"]
-        if titles[0] != titles[1]
-        else []
-    )
+    one, other = (mechanics_named(r.mechanics).title for r in (first, second))
+    note = f"the first is by {one}, the second by {other}, which differ, too"
     return ResultDifferences(
-        differences=tuple(found), left_out=tuple(left_out), notes=tuple(notes)
+        differences=tuple(found),
+        left_out=tuple(left_out),
+        notes=() if one == other else (note,),
     )
 
 
