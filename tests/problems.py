@@ -9,11 +9,24 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pushfit.data.simulate import Session
 from pushfit.model import Grasp, Parameters, Pushes
 
 THETA_DEG = np.arange(5.0, 90.0, 5.0)
 # Clear of every critical angle of the cases, so that differences do not straddle it.
 SMOOTH_THETA_DEG = np.array([7.0, 22.0, 38.0, 53.0, 68.0, 83.0])
+# A BioTac's fluid pressure as in public recordings: idle near 2440 counts, some 500
+# counts per push, a few counts lost on release, slow drift, hardly any noise.
+BIOTAC = Session(
+    level=2440.0,
+    drift=0.3,
+    noise=0.7,
+    step=0.1,
+    undershoot=0.012,
+    limit=4095.0,
+    quantum=1.0,
+    unit="counts",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

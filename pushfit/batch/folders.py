@@ -26,9 +26,6 @@ _LONGEST = 60
 def folder_name(item: str) -> str:
     """Name of the folder of an item, harmless whatever the item is called.
 
-    Args:
-        item: Name of the item, for example "../runs/foam box.csv".
-
     Returns:
         Letters, digits, ".", "-" and "_" of the name, and a digest that keeps names
         apart which differ in other characters or in case.
@@ -48,11 +45,7 @@ def is_current(folder: Path, key: str, written: Mapping[str, tuple[str, str]]) -
 
 
 def begin_folder(folder: Path) -> None:
-    """Make the folder of a batch, or check that it is one.
-
-    Raises:
-        ConfigError: It cannot be made, or holds something else.
-    """
+    """Make the folder of a batch, or check that it is one."""
     check_place(folder)
     if folder.exists() and not folder.is_dir():
         raise ConfigError(

@@ -88,14 +88,7 @@ def schedule_for(path: str, common: Path | None) -> Path | None:
 
 
 def stem_of(path: str) -> str:
-    """Name of a file without what says how it is stored.
-
-    Args:
-        path: File, for example `runs/foam.csv.gz`.
-
-    Returns:
-        For example `foam`.
-    """
+    """Name of a file without what says how it is stored: foam of `runs/foam.csv.gz`."""
     name = Path(path).name
     while (suffix := Path(name).suffix) and suffix.lower() in SEARCHED:
         name = name.removesuffix(suffix)

@@ -5,6 +5,7 @@ names and times of files decide nothing. Excluded: which files are found
 (`pushfit.batch.inputs`).
 """
 
+import functools
 import hashlib
 import json
 import os
@@ -120,10 +121,11 @@ class Planner:
         engine: str,
     ) -> None:
         """Read what is common; a mistake there concerns the whole batch."""
-        self._config, self._profile, self._schedule = config, profile, schedule
-        self._seed = seed
-        self._configs: dict[Path | None, GraspConfig] = {}
-        self._digests: dict[str, str] = {}
+        self._config, self._schedule, self._seed = config, schedule, seed
+        read = functools.partial(read_config, profile=profile)
+        self._settings = functools.cache(read)
+        self._digest = functools.cache(sha256_of)
+        self._definitions = functools.cache(_definitions_digest)
         self._settings(config)
         if schedule is not None:
             self._digest(existing_file(schedule))
@@ -206,22 +208,6 @@ class Planner:
             **about,
         )
 
-    def _settings(self, source: Path | None) -> GraspConfig:
-        if source not in self._configs:
-            self._configs[source] = read_config(source, profile=self._profile)
-        return self._configs[source]
-
-    def _digest(self, path: str) -> str:
-        if path not in self._digests:
-            self._digests[path] = sha256_of(path)
-        return self._digests[path]
-
-    def _definitions(self, folder: str) -> str:
-        if folder not in self._digests:
-            files = definition_files(folder)
-            self._digests[folder] = digest_of({n: sha256_of(f) for n, f in files})
-        return self._digests[folder]
-
 
 def digest_of(content: Mapping[str, object]) -> str:
     """Sha256 of a document in canonical JSON, hexadecimal."""
@@ -240,6 +226,10 @@ def content_size(path: str) -> int:
     """Size of a file, or of all files in a bag folder [bytes]."""
     files = _files_in(path) if os.path.isdir(path) else [Path(path)]
     return sum(FileStamp.of(str(file)).size for file in files)
+
+
+def _definitions_digest(folder: str) -> str:
+    return digest_of({n: sha256_of(file) for n, file in definition_files(folder)})
 
 
 def _files_in(folder: str) -> list[Path]:

@@ -62,11 +62,6 @@ class Store:
         """Take over a checked database."""
         self._connection = connection
 
-    def keys(self) -> frozenset[str]:
-        """Keys of all results."""
-        rows = self._connection.execute("SELECT key FROM result")
-        return frozenset(key for (key,) in rows)
-
     def get(self, key: str) -> Finished | None:
         """Find a result; None if there is none that can be read."""
         found = self._connection.execute(

@@ -31,11 +31,7 @@ def reader_options(config: GraspConfig) -> dict[str, Any]:
 
 
 def configured_recording(path: str | Path, config: GraspConfig) -> Recording:
-    """Read a recording as the settings say.
-
-    Raises:
-        DataError: It cannot be read or breaks a rule.
-    """
+    """Read a recording as the settings say."""
     with placed_in(str(path)):
         return read_recording(path, **reader_options(config))
 
@@ -48,9 +44,6 @@ def configured_peaks(
     Args:
         schedule: File with the directions of its pushes; None if the recording has
             angles.
-
-    Raises:
-        DataError: The schedule breaks a rule, or pushes and plan do not agree.
     """
     plan = None if schedule is None else read_schedule(schedule)
     return extract_peaks(recording, plan, settings=config.peaks)

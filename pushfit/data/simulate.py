@@ -214,18 +214,6 @@ class Session:
 # Time in which an undershoot falls to a third: of a BioTac's a twelfth is left after a
 # second [s].
 RECOVERY = 0.4
-# A BioTac's fluid pressure as in public recordings: idle near 2440 counts, some 500
-# counts per push, a few counts lost on release, slow drift, hardly any noise.
-BIOTAC = Session(
-    level=2440.0,
-    drift=0.3,
-    noise=0.7,
-    step=0.1,
-    undershoot=0.012,
-    limit=4095.0,
-    quantum=1.0,
-    unit="counts",
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

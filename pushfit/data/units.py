@@ -120,16 +120,13 @@ _PREFIXES = {"milli": "m", "micro": "u", "kilo": "k"}
 
 
 def find_unit(text: str) -> Unit | None:
-    """Look up a unit, also volts with the gain that turns them into one.
+    """Look up a unit, also volts with their gain; None where it is not known.
 
     >>> find_unit("500 mN/V").times, find_unit("µN").name
     (500.0, 'un')
 
     Args:
         text: Unit as written, case does not matter.
-
-    Returns:
-        The unit; None where it is not known.
     """
     name = text.strip().lower().translate(_MICRO)
     gain = _GAIN.fullmatch(name)
@@ -181,9 +178,6 @@ def split_unit(name: str) -> tuple[str, Unit | None]:
 
 def parse_unit(text: str) -> Unit:
     """Look up a unit that the user named.
-
-    Args:
-        text: Unit as written, case does not matter.
 
     Raises:
         ConfigError: If the unit is unknown (`unknown_unit`).
@@ -333,41 +327,38 @@ def implausible_angles(
     if small and max((top for top, _ in largest.values()), default=0.0) > _MIN_JUDGED:
         found = ", ".join(f"|{name}| <= {top:g}" for name, (top, _) in largest.items())
         return f"{found} in degrees look like radians; {cure('rad')}"
-    for name, judge in (("theta", _radians_alone), ("alpha", _azimuths_in_radians)):
-        found = (
-            judge(angles[name][0]) if largest.get(name, ("",))[-1] == "deg" else None
-        )
-        if found is not None:
+    for name, word, are_radians in (
+        ("theta", "elevations", _are_swept_radians),
+        ("alpha", "azimuths", _are_round_in_degrees),
+    ):
+        top, unit = largest.get(name, (0.0, ""))
+        if unit != "deg" or top > _MAX_RADIANS[name]:
+            continue
+        own = angles[name][0]
+        # An azimuth of 0 is one in any unit.
+        swept = np.unique(own[np.isfinite(own) & ((own != 0) | (name == "theta"))])
+        if are_radians(swept):
+            span = f"{swept[0]:.3g} to {swept[-1]:.3g} degrees"
+            found = f"{swept.size} {word} from {span} look like radians"
             return f"{found}; {cure('rad')}, or round those meant to be one"
     return None
 
 
-def _radians_alone(theta: Float[np.ndarray, " n"]) -> str | None:
-    """Say why elevations are no degrees, whatever the azimuths are."""
-    swept = np.unique(theta[np.isfinite(theta)])
-    if swept.size < _N_SWEPT or np.abs(swept).max() > _MAX_RADIANS["theta"]:
-        return None
-    if np.ptp(swept) < _SWEPT or np.median(np.abs(swept)) < _MIDDLE:
-        return None
-    span = f"{swept[0]:.3g} to {swept[-1]:.3g} degrees"
-    return f"{swept.size} elevations from {span} look like radians"
+def _are_swept_radians(theta: Float[np.ndarray, " n"]) -> bool:
+    """Whether elevations are no degrees, whatever the azimuths are."""
+    is_sweep = theta.size >= _N_SWEPT and np.ptp(theta) >= _SWEPT
+    return bool(is_sweep and np.median(np.abs(theta)) >= _MIDDLE)
 
 
-def _azimuths_in_radians(alpha: Float[np.ndarray, " n"]) -> str | None:
-    """Say why azimuths are no degrees, whatever the elevations are.
+def _are_round_in_degrees(alpha: Float[np.ndarray, " n"]) -> bool:
+    """Whether azimuths are no degrees, whatever the elevations are.
 
     Directions are planned in steps of some degrees, of which those in radians are odd
     numbers that turn into round ones.
     """
-    swept = np.unique(alpha[np.isfinite(alpha) & (alpha != 0)])
-    if swept.size < _N_AZIMUTHS or np.abs(swept).max() > _MAX_RADIANS["alpha"]:
-        return None
-    degrees = np.degrees(swept)
-    off = degrees - _ROUND * np.rint(degrees / _ROUND)
-    if np.abs(off).max() > _OF_TWO_DECIMALS:
-        return None
-    span = f"{swept[0]:.3g} to {swept[-1]:.3g} degrees"
-    return f"{swept.size} azimuths from {span} look like radians"
+    degrees = np.degrees(alpha)
+    off = np.abs(degrees - _ROUND * np.rint(degrees / _ROUND))
+    return alpha.size >= _N_AZIMUTHS and bool(off.max() <= _OF_TWO_DECIMALS)
 
 
 def in_degrees(radians: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:

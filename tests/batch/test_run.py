@@ -436,9 +436,10 @@ def test_the_draws_of_an_item_are_kept_for_pooling(runs, tmp_path):
     found = run("runs/a.csv")
     expected = np.random.default_rng(found.rows[0]["seed"])
     expected.normal()
+    asked = {"config": None, "profile": None, "schedule": None}
+    plan = Planner(**asked, seed=0, engine="auto").plan(("runs/a.csv",))
     with open_store(tmp_path / "out") as (store, _):
-        (key,) = store.keys()
-        kept = store.get(key)
+        kept = store.get(plan.items[0].key)
     assert kept is not None
     np.testing.assert_array_equal(kept.draws["theta_c_deg"], expected.normal(size=5))
     assert json.loads(json.dumps(kept.values)) == kept.values

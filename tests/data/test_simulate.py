@@ -8,7 +8,6 @@ import pytest
 
 from pushfit.data.simulate import (
     ALPHA_SWEEP,
-    BIOTAC,
     THETA_SWEEP,
     Session,
     _to_resolution,
@@ -17,6 +16,7 @@ from pushfit.data.simulate import (
     write_recording,
 )
 from pushfit.model import Grasp, Parameters
+from tests.problems import BIOTAC
 from tests.tolerances import FEW_OPERATIONS
 
 # The sd of a sample sd is sd/sqrt(2n) = 1.1 %; four of them.

@@ -50,12 +50,7 @@ _RINGING = 0.5
 def find_pushes(
     recording: Recording, *, settings: PeakSettings = DEFAULTS
 ) -> tuple[Extent, ...]:
-    """Find the pushes of a recording, in order, without measuring them.
-
-    Raises:
-        ConfigError: The channel to look in is not named, or not there.
-        DataError: The channel has hardly any samples, or none in the part to look at.
-    """
+    """Find the pushes of a recording, in order, without measuring them."""
     recording = looked_at(recording, settings)
     settings = in_signal_unit(recording, settings)
     _, _, found = search(*push_signal(recording, settings), settings)
@@ -71,15 +66,11 @@ def search(
 
     A notch in a push is too brief for a rest between two.
 
-    Args:
-        time: Sample times [s].
-
     Returns:
         Times and samples that are left, and the humps in them.
     """
-    if settings.normal is not None or settings.signed:
-        return _without_jerks(time, signal, settings)
-    if not (every := notches(time, signal)):
+    may_be_cut = settings.normal is None and not settings.signed
+    if not may_be_cut or not (every := notches(time, signal)):
         return _without_jerks(time, signal, settings)
     kept = _kept(time, every)
     *left, found = _without_jerks(time[kept], signal[kept], settings)
@@ -117,12 +108,6 @@ def _without_jerks(
     A hump that is briefer than any push is a jerk where, without its samples, there are
     humps ten times as long: on a hold, which it would hide, or somewhere else. What
     rings after one of these is brief as well, but keeps its samples, those of a rest.
-
-    Args:
-        time: Sample times [s].
-
-    Returns:
-        Times and samples that are left, and the humps in them.
     """
     signed = bool(settings.signed)
     found = find(time, signal, settings, signed=signed)
@@ -191,11 +176,7 @@ def find(
     *,
     signed: bool,
 ) -> FoundHumps:
-    """Find humps, and with `signed` dips too, in order.
-
-    Args:
-        time: Sample times [s].
-    """
+    """Find humps, and with `signed` dips too, in order."""
     # Of the samples as they are: in a picture of them equal readings differ by
     # rounding, and the finest step would be that.
     noise, course = SignalNoise.of(time, signal), RunningMeans.of(time, signal)
@@ -252,9 +233,6 @@ def tops(
 
     Messages tell when it is at its highest, and tables where its height is read, which
     on a plateau is its middle.
-
-    Args:
-        time: Sample times [s].
     """
     if not found.extents:
         return []
@@ -268,11 +246,7 @@ def tops(
 def _as_told(
     found: FoundHumps, settings: PeakSettings, times: Sequence[Sequence[float]]
 ) -> FoundHumps:
-    """Leave out and take in the humps that the user names by their time or height.
-
-    Args:
-        times: Of each hump [s].
-    """
+    """Leave out and take in the humps that the user names by their time or height."""
     extents, excluded = [], []
     for hump, own in zip(found.extents, times, strict=True):
         if hump.is_low or is_in(own, settings.exclude):

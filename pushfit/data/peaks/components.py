@@ -42,11 +42,7 @@ _CLEAR = 10.0
 
 
 def looked_at(recording: Recording, settings: PeakSettings) -> Recording:
-    """The part of a recording that is looked at, jerks of force components left out.
-
-    Raises:
-        DataError: There is nothing in that part (`no_rows`).
-    """
+    """The part of a recording that is looked at, jerks of force components left out."""
     part = recording.between(settings.begin, settings.end)
     if settings.normal is None:
         return part

@@ -49,11 +49,9 @@ def recorded_directions(
             "the angles",
             code="no_directions",
         )
-    theta, alpha = np.empty(len(extents)), np.empty(len(extents))
-    for k, extent in enumerate(extents):
-        top = _top(recording, extent)
-        theta[k] = _median(recording.theta[top])
-        alpha[k] = _circular_median(recording.alpha[top])
+    tops = [_top(recording, extent) for extent in extents]
+    theta = np.array([_median(recording.theta[top]) for top in tops])
+    alpha = np.array([_circular_median(recording.alpha[top]) for top in tops])
     lost = np.flatnonzero(~np.isfinite(theta + alpha))
     if lost.size:
         when = ", ".join(f"{extents[int(k)].t_peak:.2f} s" for k in lost)

@@ -85,10 +85,9 @@ def extract_peaks(
         DataError: There are no pushes (`no_pushes`), no directions (`no_directions`),
             or two assignments to the schedule are nearly as good (`push_mismatch`).
     """
-    span = (float(recording.time[0]), float(recording.time[-1]))
     look = _Look.at(recording, settings)
     recording = look.recording
-    paired = look.paired(schedule, span=span)
+    paired = look.paired(schedule)
     plan = paired.plan
     if plan is None:
         n_dips = len(paired.found.dips)
@@ -98,14 +97,14 @@ def extract_peaks(
         there = np.flatnonzero(~np.array(paired.is_missing, dtype=bool))
         shown = [paired.chosen[k] for k in there]
         doubts = off_plan(recording, shown, rows_of(plan, there))
-    measured = look.measured(paired)
+    columns, trace = look.measured(paired)
     frame = pd.DataFrame(
         {
             "push": plan.push,
             "theta_deg": np.degrees(plan.theta).round(DECIMALS),
             "alpha_deg": np.degrees(plan.alpha).round(DECIMALS),
             "repeat": plan.repeat,
-            **measured.columns,
+            **columns,
         }
     )
     notes, cautions = extraction_notes(paired, frame, look.settings, unit=look.unit)
@@ -116,7 +115,7 @@ def extract_peaks(
     table = PeakTable.from_frame(
         frame, sources=sources, notes=(*recording.notes, *cautions, *notes)
     )
-    return replace(table, traces=(look.trace(measured),), cautions=cautions)
+    return replace(table, traces=(trace,), cautions=cautions)
 
 
 def measure_pushes(
@@ -131,16 +130,12 @@ def measure_pushes(
     look = _Look.at(recording, settings)
     paired = look.paired(None)
     push = np.arange(1, len(paired.chosen) + 1)
-    measured = look.measured(paired)
-    frame = pd.DataFrame({"push": push, **measured.columns})
+    columns, trace = look.measured(paired)
+    frame = pd.DataFrame({"push": push, **columns})
     notes, cautions = extraction_notes(paired, frame, look.settings, unit=look.unit)
     cautions = (*look.recording.cautions, *cautions)
-    return Heights(
-        frame=frame,
-        notes=(*cautions, *notes),
-        cautions=cautions,
-        trace=look.trace(measured),
-    )
+    told = (*cautions, *notes)
+    return Heights(frame=frame, notes=told, cautions=cautions, trace=trace)
 
 
 def within(time: Float[np.ndarray, " n"], moments: Sequence[float]) -> list[float]:
@@ -151,18 +146,14 @@ def within(time: Float[np.ndarray, " n"], moments: Sequence[float]) -> list[floa
     return np.clip(moments, time[0], time[-1]).tolist()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Measured:
-    """Height columns of a table, with what each height is, and force components."""
-
-    columns: HeightColumns
-    components: tuple[ComponentTrace, ...] = ()
-
-
 @dataclass(frozen=True, slots=True)
 class _Look:
-    """A part of a recording, its signal, the humps in it, and how they were found."""
+    """A part of a recording, its signal, the humps in it, and how they were found.
 
+    `span` is from begin to end of all that was recorded, and `whole` has the jerks.
+    """
+
+    span: tuple[float, float]
     whole: Recording
     recording: Recording
     settings: PeakSettings
@@ -178,14 +169,15 @@ class _Look:
             part = looked_at(recording, settings)
             settings = in_signal_unit(part, settings)
             searched = search(*push_signal(part, settings), settings)
-        return cls(whole, part, settings, *searched)
+        span = (float(recording.time[0]), float(recording.time[-1]))
+        return cls(span, whole, part, settings, *searched)
 
     @property
     def unit(self) -> Unit:
         """Unit that the recording has the signal in: that of messages."""
         return stated_unit(self.recording, self.settings)
 
-    def trace(self, measured: _Measured) -> Trace:
+    def _trace(self, n_rows: int, components: tuple[ComponentTrace, ...]) -> Trace:
         """The signal that all rows were measured in."""
         time, signal = envelope(self.time, self.signal, max_points=MAX_KEPT)
         return Trace(
@@ -195,20 +187,15 @@ class _Look:
             time=time,
             signal=signal,
             first_row=0,
-            n_rows=len(measured.columns["flags"]),
+            n_rows=n_rows,
             sign=-1 if self.settings.invert else 1,
-            components=measured.components,
+            components=components,
         )
 
-    def paired(
-        self,
-        schedule: PushSchedule | None,
-        *,
-        span: tuple[float, float] = (-np.inf, np.inf),
-    ) -> Paired:
+    def paired(self, schedule: PushSchedule | None) -> Paired:
         """Humps, and which of them are the planned pushes."""
         time, signal, settings = self.time, self.signal, self.settings
-        paired = pair(self.found, schedule, settings, span=span)
+        paired = pair(self.found, schedule, settings, span=self.span)
         if (
             settings.signed is None
             and schedule is not None
@@ -218,7 +205,7 @@ class _Look:
             both = find(time, signal, settings, signed=True)
             own = self.found
             both = replace(both, jerks=own.jerks, notches=own.notches)
-            better = pair(both, schedule, settings, span=span)
+            better = pair(both, schedule, settings, span=self.span)
             paired = better if paired.n_odd > better.n_odd else paired
         try:
             if all(extent.is_brush for extent in paired.found.extents):
@@ -226,18 +213,18 @@ class _Look:
             paired.refuse_doubt(settings)
         except DataError as error:
             place = self.recording.place
-            message = f"{place}: {error}" if place else str(error)
             # What a wrong unit of the time makes of the pushes looks like none.
-            told = list(self.recording.cautions)
+            told = [f"{place}: {error}" if place else str(error)]
+            told += self.recording.cautions
             if error.code == "push_mismatch":
                 # One of them may be what a plan is found to lack.
                 told += brushes_left_out(paired, self.unit)
-            message = "; ".join([message, *told])
-            raise DataError(message, code=error.code, problems=error.problems) from None
+            error.args = ("; ".join(told),)
+            raise
         return paired
 
-    def measured(self, paired: Paired) -> _Measured:
-        """Heights of the pushes."""
+    def measured(self, paired: Paired) -> tuple[HeightColumns, Trace]:
+        """Height columns of a table, with what each height is, and their signal."""
         time, signal, settings = self.time, self.signal, self.settings
         chosen = paired.chosen
         turned = -1.0 if settings.invert else 1.0
@@ -271,31 +258,31 @@ class _Look:
             "t_end_s": within(time, [e.t_end for e in chosen]),
             "definition": [h.definition for h in heights],
         }
+        components: tuple[ComponentTrace, ...] = ()
         if is_force:
-            return self._of_components(humps, measured, times, words)
-        unit = self.unit.canonical
-        columns = {
-            f"height_{unit}": [h.height for h in heights],
-            f"height_sd_{unit}": [h.sd for h in heights],
-            f"baseline_{unit}": [turned * h.baseline for h in heights],
-            **times,
-            "flags": _joined(words),
-        }
-        return _Measured(columns=columns)
+            columns, components = self._of_components(humps, measured, words)
+        else:
+            unit = self.unit.canonical
+            columns = {
+                f"height_{unit}": [h.height for h in heights],
+                f"height_sd_{unit}": [h.sd for h in heights],
+                f"baseline_{unit}": [turned * h.baseline for h in heights],
+            }
+        flags = [";".join(sorted(own)) for own in words]
+        columns = {**columns, **times, "flags": flags}
+        return columns, self._trace(len(chosen), components)
 
     def _of_components(
         self,
         humps: Sequence[Extent],
         measured: Sequence[Height],
-        times: HeightColumns,
         words: Sequence[set[str]],
-    ) -> _Measured:
+    ) -> tuple[HeightColumns, tuple[ComponentTrace, ...]]:
         """Heights of the normal and the tangential force of the first of the humps.
 
         Args:
             measured: Heights of all humps in the length of the force.
-            times: Columns of the pushes that are asked for.
-            words: Their flags so far.
+            words: Flags of the first, to which saturation is added.
         """
         forces = measure_components(
             self.recording,
@@ -308,17 +295,6 @@ class _Look:
         for own, cut in zip(words, forces.is_cut, strict=False):
             own |= {"saturated"} if cut else set()
         rows = slice(len(words))
-        columns = {c: values[rows] for c, values in forces.columns.items()}
-        return _Measured(
-            columns={**columns, **times, "flags": _joined(words)},
-            components=component_traces(
-                self.whole,
-                self.recording,
-                {c: rows_of(own, rows) for c, own in forces.signed.items()},
-            ),
-        )
-
-
-def _joined(words: Sequence[set[str]]) -> list[str]:
-    """Flag words of each push as one cell."""
-    return [";".join(sorted(own)) for own in words]
+        signed = {c: rows_of(own, rows) for c, own in forces.signed.items()}
+        columns: HeightColumns = {c: v[rows] for c, v in forces.columns.items()}
+        return columns, component_traces(self.whole, self.recording, signed)

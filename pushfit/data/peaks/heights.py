@@ -29,7 +29,7 @@ from pushfit.data.peaks.apex_or_plateau import (
 from pushfit.data.peaks.blocks import RestNoise
 from pushfit.data.peaks.rests import rests_of
 from pushfit.data.peaks.saturation import saturated_pushes
-from pushfit.data.pushes.feet import WIDTH_PER_SMOOTHING
+from pushfit.data.pushes.feet import WIDTH_PER_SMOOTHING, Feet
 from pushfit.data.pushes.found_humps import Extent
 from pushfit.data.pushes.running_means import RunningMeans
 from pushfit.data.rows import rows_of
@@ -96,16 +96,15 @@ class _Pushes:
     """Courses of pushes from foot to foot, over their baselines, beside their noise."""
 
     course: RunningMeans
-    extents: Sequence[Extent]
+    feet: Feet[np.ndarray]
     profile: Float[np.ndarray, "p m"]
     base: Float[np.ndarray, " p"]
     noise: RestNoise
 
     def only(self, rows: Int[np.ndarray, " r"]) -> "_Pushes":
         """Some of the pushes."""
-        extents = [self.extents[k] for k in rows]
-        noise = rows_of(self.noise, rows)
-        return replace(rows_of(self, rows), extents=extents, noise=noise)
+        feet, noise = rows_of(self.feet, rows), rows_of(self.noise, rows)
+        return replace(rows_of(self, rows), feet=feet, noise=noise)
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +146,8 @@ def measure_heights(
     noise, base = rests_of(time, signal, extents)
     if course is None or -1 in signs:
         course = RunningMeans.of(time, _upright(signal, extents, base.level))
-    windows = np.array([[e.t_start, e.t_end] for e in extents])
+    feet = Feet.together([extent.feet for extent in extents])
+    windows = np.stack([feet.start, feet.end], axis=1)
     profile = bin_means(course, windows, PROFILE_BINS)[0]
     calm = calmed(profile, base.level, extents, noise=noise)
     missing = np.array(is_missing or [False] * len(extents))
@@ -155,7 +155,7 @@ def measure_heights(
     stated = np.full(len(extents), definition == "plateau")
     held = (shaped if definition == "auto" else stated) & ~missing
     pushes = _Pushes(
-        course=course, extents=extents, profile=profile, base=base.level, noise=noise
+        course=course, feet=feet, profile=profile, base=base.level, noise=noise
     )
     tops = _tops(pushes, calm, held, missing)
     drift = base.drift(tops.time)
@@ -179,8 +179,8 @@ def measure_heights(
     moved = np.maximum(rate * np.abs(tops.time - base.time), step)
     # A hump whose top is beside it is the end of one that is not seen.
     is_beside = (tops.time < windows[:, 0]) | (tops.time > windows[:, 1])
-    width = np.array([e.width for e in extents])
-    is_blind = _largest_gap(time, windows) > _longest(_MAX_GAP * width, course.step)
+    longest = _longest(_MAX_GAP * feet.width, course.step)
+    is_blind = _largest_gap(time, windows) > longest
     checks = {
         "clipped": np.array([e.is_cut for e in extents]) | (is_beside & ~missing),
         "gap": tops.has_gap | (is_blind & ~missing),
@@ -239,8 +239,7 @@ def _tops(
 
 def _moments(pushes: _Pushes) -> _Tops:
     """Means around the moments at which pushes were to be at their tops."""
-    when = np.array([e.t_peak for e in pushes.extents])
-    half = _MOMENT * np.array([e.width for e in pushes.extents])
+    when, half = pushes.feet.peak, _MOMENT * pushes.feet.width
     time = pushes.course.time
     windows = np.clip(np.stack([when - half, when + half], axis=1), time[0], time[-1])
     means, counts = bin_means(pushes.course, windows, 1)
@@ -250,14 +249,14 @@ def _moments(pushes: _Pushes) -> _Tops:
 
 def _plateaus(pushes: _Pushes) -> _Tops:
     """Median of the held part; its sd from the scatter of eight parts of it."""
-    windows = np.empty((len(pushes.extents), 2))
-    for k, extent in enumerate(pushes.extents):
+    start, windows = pushes.feet.start, np.empty((len(pushes.base), 2))
+    step = (pushes.feet.end - start) / PROFILE_BINS
+    for k in range(len(windows)):
         rise = pushes.profile[k] - pushes.base[k]
         first, last = held_window(rise / max(rise.max(), TINY))
         margin = MARGIN * (last - first)
         share = np.array([first + margin, max(last - margin, first + margin + 1)])
-        step = (extent.t_end - extent.t_start) / PROFILE_BINS
-        windows[k] = extent.t_start + share * step
+        windows[k] = start[k] + share * step[k]
     parts, counts = bin_means(pushes.course, windows, 8)
     scatter = parts.std(axis=1, ddof=1) / np.sqrt(8)
     least = pushes.noise.of_mean(counts.sum(axis=1))
@@ -278,12 +277,12 @@ def _apexes(pushes: _Pushes) -> _Tops:
     rise = np.maximum(smooth.max(axis=1) - pushes.base, TINY)
     noise = _DEPTH_SIGMAS * pushes.noise.sigma / rise
     depth = np.clip(_DEPTH_WITHOUT_NOISE + noise, *_DEPTH)
-    windows = _top_windows(smooth, depth * rise, pushes.extents)
+    windows = _top_windows(smooth, depth * rise, pushes.feet)
     time = pushes.course.time
     # Sums over windows, from the widest to the narrowest, by how far each is believed.
     level, square, when, gap = np.zeros((4, len(windows)))
     doubt = np.ones(len(windows))
-    width = np.array([e.width for e in pushes.extents])
+    width = pushes.feet.width
     brief = np.maximum(width / WIDTH_PER_SMOOTHING, pushes.course.step)
     todo = np.arange(len(windows))
     while todo.size:
@@ -332,7 +331,7 @@ def _apexes(pushes: _Pushes) -> _Tops:
 def _top_windows(
     smooth: Float[np.ndarray, "p m"],
     depth: Float[np.ndarray, " p"],
-    extents: Sequence[Extent],
+    feet: Feet[np.ndarray],
 ) -> Float[np.ndarray, "p 2"]:
     """Stretch around the largest part of each course that stays near the top."""
     index, peak = np.arange(PROFILE_BINS), smooth.argmax(axis=1)[:, None]
@@ -343,10 +342,9 @@ def _top_windows(
     rows = np.arange(len(over))
     left = left + _share(over[rows, left], over[rows, left + 1])
     right = right - _share(over[rows, right], over[rows, right - 1])
-    start, end = np.array([[e.t_start, e.t_end] for e in extents]).T
-    step = (end - start) / PROFILE_BINS
+    step = (feet.end - feet.start) / PROFILE_BINS
     # Half a part more on either side: a part is below the level as a whole.
-    return start[:, None] + step[:, None] * np.stack([left, right + 1], axis=1)
+    return feet.start[:, None] + step[:, None] * np.stack([left, right + 1], axis=1)
 
 
 def _share(

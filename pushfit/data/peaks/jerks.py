@@ -39,11 +39,7 @@ def are_jerks(
 def notches(
     time: Float[np.ndarray, " n"], samples: Float[np.ndarray, " n"]
 ) -> tuple[slice, ...]:
-    """Samples far below all around them, on either side: as of a loose contact.
-
-    Args:
-        time: Sample times [s].
-    """
+    """Samples far below all around them, on either side: as of a loose contact."""
     middle, least, stride = _usual(time, samples)
     # Most recordings have none, and may be long.
     starts = np.arange(0, len(samples), stride)

@@ -204,13 +204,7 @@ def rests_of(
     signal: Float[np.ndarray, " n"],
     extents: Sequence[Extent],
 ) -> tuple[RestNoise, Baselines]:
-    """Noise and rest levels beside humps.
-
-    Args:
-        time: Sample times [s].
-        signal: Samples [unit].
-        extents: Humps, in any order.
-    """
+    """Noise and rest levels beside humps, which are in any order."""
     order = np.argsort([hump.t_peak for hump in extents], kind="stable")
     rows = np.argsort(order)
     feet = Feet.together([extents[k].feet for k in order])

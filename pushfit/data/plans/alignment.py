@@ -113,7 +113,7 @@ def align(
     is_brush: Sequence[bool],
     *,
     plan: PushSchedule,
-    span: tuple[float, float] = (-np.inf, np.inf),
+    span: tuple[float, float],
     begin: float = -np.inf,
     left_out: Sequence[float] = (),
     heights: Float[np.ndarray, " m"] | None = None,
@@ -126,7 +126,7 @@ def align(
         is_brush: Whether a hump is so small that it may be no push.
         plan: Planned pushes. Where their times are known these have any origin, that of
             the recording where they agree with it.
-        span: Begin and end of the recording; unbounded where unknown [s].
+        span: Begin and end of the recording [s].
         begin: Begin of the part of it that humps were looked for in [s].
         left_out: When there are humps that the user calls no pushes [s].
         heights: Heights of the humps, in any unit; None if nobody knows.
@@ -319,7 +319,7 @@ def _stopped_early(
     for the time before the first push and that after the last one.
     """
     there, end = np.flatnonzero(hump >= 0), case.span[1]
-    if case.is_timed or there.size < 2 or not np.isfinite(end):
+    if case.is_timed or there.size < 2:
         return []
     first, last = there[[0, -1]]
     period, planned = case.pace(hump), case.planned

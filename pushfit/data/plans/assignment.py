@@ -170,7 +170,7 @@ class _Steady:
     def _lead(self) -> Float[np.ndarray, "n m"]:
         """Cost of the time before the first planned push, by its pair."""
         case, begin = self.case, self.case.span[0]
-        if not (np.isfinite(begin) and np.isfinite(self.scatter)):
+        if not np.isfinite(self.scatter):
             return np.zeros((len(case.planned), len(case.times)))
         first = case.times - (case.planned - case.planned[0])[:, None]
         lead = first - begin

@@ -56,27 +56,19 @@ def rhythms(
     Args:
         times: Times of humps [s].
         n_planned: Pushes that are to find room in the recording.
-        room: Length of the recording; infinite where unknown [s].
+        room: Length of the recording [s].
 
     Returns:
         Periods [s] and scatters of the gaps [periods]; both infinite if there is none.
     """
     if len(times) < 2:
         return [(np.inf, np.inf)]
-    lags = range(1, min(_MAX_SKIPPED_LAGS, len(times) - 1) + 1)
-    gaps = np.concatenate([times[k:] - times[:-k] for k in lags])
-    periods = (gaps[:, None] / np.arange(1, max(n_planned, 2))).ravel()
-    if np.isfinite(room):
-        periods = periods[periods * (n_planned - 1 - 2 * SLACK) <= room]
-    periods = _distinct(periods)
+    periods = _distinct(_with_room(times, n_planned, room, most=max(n_planned, 2)))
     if periods.size == 0:
         return [(np.inf, np.inf)]
     on_beat = _coherence(times, periods)
     cost = -on_beat * len(times) * np.log(1 / (2 * _BEAT))
-    if np.isfinite(room):
-        cost = cost + (room - (n_planned - 1) * periods) / periods / LEAD
-    else:
-        cost = cost + np.abs(np.log(periods / np.median(np.diff(times)))) * MISSING
+    cost = cost + (room - (n_planned - 1) * periods) / periods / LEAD
     best = np.argsort(cost)[:_MOST_PERIODS]
     best = best[cost[best] <= cost[best[0]] + _WORTH]
     steady = [_refined(times, float(periods[k])) for k in best if on_beat[k] > _STEADY]
@@ -90,9 +82,6 @@ def rhythms_with_jumps(
 
     The usual time comes again and again. The longer ones do so as well, also with a
     push that is missing, or scatter.
-
-    Args:
-        times: Times of humps [s].
 
     Returns:
         Usual periods [s], scatters of these, times of a jump and by how much more these
@@ -133,17 +122,10 @@ def off_beat(
 ) -> Int[np.ndarray, " k"]:
     """Which humps are off the one beat that is likeliest to be that of the others.
 
-    Unlike `rhythms`, this asks for no steadiness.
-
-    Args:
-        times: Times of humps [s].
-        n_planned: Pushes that are to find room in the recording.
-        room: Length of the recording; infinite where unknown [s].
+    Unlike `rhythms`, of the same arguments, this asks for no steadiness.
     """
-    lags = range(1, min(_MAX_SKIPPED_LAGS, len(times) - 1) + 1)
-    gaps = np.concatenate([times[k:] - times[:-k] for k in lags])
-    periods = np.unique((gaps[:, None] / np.arange(1, _MAX_SKIPPED_LAGS + 1)).ravel())
-    periods = periods[periods * (n_planned - 1 - 2 * SLACK) <= room]
+    most = _MAX_SKIPPED_LAGS + 1
+    periods = np.unique(_with_room(times, n_planned, room, most=most))
     if periods.size == 0:
         return np.array([], dtype=int)
     beats = (times[:, None] - times) / periods[:, None, None]
@@ -152,14 +134,22 @@ def off_beat(
     for beat in _BEATS:
         is_on = off < beat
         on, beside = _SHARE_ON / (2 * beat), (1 - _SHARE_ON) / (1 - 2 * beat)
-        shown = np.where(is_on, np.log(on), np.log(beside)).sum(axis=1)
-        if np.isfinite(room):
-            shown = shown - lead[:, None]
+        shown = np.where(is_on, np.log(on), np.log(beside)).sum(axis=1) - lead[:, None]
         period, origin = np.unravel_index(shown.argmax(), shown.shape)
         if shown[period, origin] > best:
             best = float(shown[period, origin])
             bumps = np.flatnonzero(~is_on[period, :, origin])
     return bumps
+
+
+def _with_room(
+    times: Float[np.ndarray, " m"], n_planned: int, room: float, *, most: int
+) -> Float[np.ndarray, " p"]:
+    """Times between near humps over 1, 2, ... below `most`, if all pushes have room."""
+    lags = range(1, min(_MAX_SKIPPED_LAGS, len(times) - 1) + 1)
+    gaps = np.concatenate([times[k:] - times[:-k] for k in lags])
+    periods = (gaps[:, None] / np.arange(1, most)).ravel()
+    return periods[periods * (n_planned - 1 - 2 * SLACK) <= room]
 
 
 def _distinct(periods: Float[np.ndarray, " p"]) -> Float[np.ndarray, " q"]:

@@ -192,9 +192,6 @@ def without_dips(
     end. The lower one, because the other may lie inside a push or beyond a step. Where
     both ends do, rest is what most stretches of the recording have in common.
 
-    Args:
-        time: Sample times [s].
-
     Returns:
         The signal with the dips filled, itself if there are none; and the dips.
     """

@@ -195,10 +195,9 @@ def _feet(
     noise = SIGMAS * trace.noise
     feet = [low + max(FOOT * (y[peak] - low), noise) for low in rests]
     below = np.flatnonzero(y[left:peak] < feet[0])
-    start = left + below[-1] + 1 if below.size else left
-    below = np.flatnonzero(y[peak + 1 : right + 1] < feet[1])
-    end = peak + below[0] if below.size else right
-    return int(start), int(end)
+    after = np.flatnonzero(y[peak + 1 : right + 1] < feet[1])
+    start = left + 1 + below.max(initial=-1)
+    return int(start), int(peak + after.min(initial=right - peak))
 
 
 def _coarse(humps: Humps, trace: _Trace, sigma: float) -> Feet[np.ndarray]:

@@ -79,8 +79,6 @@ def bends(
     """How far samples are off the line between their neighbours, as noise of one.
 
     Args:
-        time: Sample times [s].
-        signal: Samples [unit].
         quantum: Smallest step between readings [unit].
         stride: Of all that many samples one is looked at.
 

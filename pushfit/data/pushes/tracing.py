@@ -201,35 +201,24 @@ def _rests(
     part = np.minimum(LEAST * feet.span, last - first)
     noise = feet.noise(np.maximum(part, feet.step))
     far = np.maximum(FOOT * feet.height, SIGMAS * noise)
-    before = _level(
-        course, (first, last), part=(last - part, last), span=feet.span, far=far
-    )
-    first, last = feet.after()
-    part = np.minimum(LEAST * feet.span, last - first)
-    after = _level(
-        course, (first, last), part=(first, first + part), span=feet.span, far=far
-    )
+    before, after = (_level(course, feet, sign, far=far) for sign in (-1, 1))
     # What the samples begin or end with is a rest only if a push stands on it.
     is_first, is_last = feet.lowest <= course.time[0], feet.highest >= course.time[-1]
-    no_before = is_first & _is_top(before, after, top)
-    no_after = is_last & _is_top(after, before, top)
-    before = np.where(no_before, np.nan, before)
-    after = np.where(no_after, np.nan, after)
+    before, after = (
+        np.where(is_end & _is_top(own, other, top), np.nan, own)
+        for own, other, is_end in ((before, after, is_first), (after, before, is_last))
+    )
     # Beside a neighbour the course goes down as far as it ever does.
-    index = np.arange(_GRID)
-    low_before = np.where(index <= peak[:, None], y, np.inf).min(axis=1)
-    low_after = np.where(index >= peak[:, None], y, np.inf).min(axis=1)
-    other = np.minimum(y[:, 0], y[:, -1])
-    low_before = np.where(
-        is_first, np.where(np.isnan(after), other, -np.inf), low_before
-    )
-    low_after = np.where(is_last, np.where(np.isnan(before), other, -np.inf), low_after)
-    other_before = np.fmax(after, low_before)
-    other_after = np.fmax(before, low_after)
-    return (
-        np.where(np.isnan(before), other_before, before),
-        np.where(np.isnan(after), other_after, after),
-    )
+    index, ends = np.arange(_GRID), np.minimum(y[:, 0], y[:, -1])
+    levels = []
+    for own, other, is_end, is_beside in (
+        (before, after, is_first, index <= peak[:, None]),
+        (after, before, is_last, index >= peak[:, None]),
+    ):
+        low = np.where(is_beside, y, np.inf).min(axis=1)
+        low = np.where(is_end, np.where(np.isnan(other), ends, -np.inf), low)
+        levels.append(np.where(np.isnan(own), np.fmax(other, low), own))
+    return levels[0], levels[1]
 
 
 def _is_top(level: PerPush, other: PerPush, top: PerPush) -> Bool[np.ndarray, " p"]:
@@ -251,21 +240,19 @@ def _tops(
 
 
 def _level(
-    course: RunningMeans,
-    window: tuple[PerPush, PerPush],
-    *,
-    part: tuple[PerPush, PerPush],
-    span: PerPush,
-    far: PerPush,
+    course: RunningMeans, feet: Feet[np.ndarray], sign: int, *, far: PerPush
 ) -> PerPush:
-    """Means of rests, NaN where too little is there to show them.
+    """Means of rests before pushes (-1) or after them (1), NaN where too short.
 
     That of the part beside the push where the rest has another level: it has stepped.
     """
-    near = course.mean(*part)
-    off = course.mean(*window) - near
+    first, last = feet.before if sign < 0 else feet.after()
+    least = LEAST * feet.span
+    part = np.minimum(least, last - first)
+    near = course.mean(*((last - part, last) if sign < 0 else (first, first + part)))
+    off = course.mean(first, last) - near
     level = near + likeness(off, far) * off
-    return np.where(window[1] - window[0] >= LEAST * span, level, np.nan)
+    return np.where(last - first >= least, level, np.nan)
 
 
 def _falls(

@@ -100,11 +100,7 @@ class RecordingColumns:
         return next(filter(None, map(volts_of, (*row, self.names[i], *keys))), "")
 
     def called(self, *stems: str) -> list[int]:
-        """Positions of the columns of some names, whatever their units.
-
-        Args:
-            *stems: Names without units, lower case.
-        """
+        """Positions of the columns of some names, as `stems` has them."""
         return [i for i, stem in enumerate(self.stems) if stem in stems]
 
     def measuring(self, quantity: Dimension) -> list[int]:

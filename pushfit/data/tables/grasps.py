@@ -45,11 +45,7 @@ class GraspRows:
     source: Source
 
     def table(self) -> PeakTable:
-        """The peak table of the grasp.
-
-        Raises:
-            DataError: A column or a cell breaks a rule.
-        """
+        """The peak table of the grasp."""
         return PeakTable.from_frame(
             self.frame, origin=self.origin, sources=(self.source,)
         )

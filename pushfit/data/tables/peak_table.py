@@ -220,7 +220,7 @@ class PeakTable:
             flag: A word; some exclude a push from fits.
         """
         words = [
-            ";".join(sorted(w | {flag})) if i in rows else ";".join(sorted(w))
+            ";".join(sorted(w | {flag} if i in rows else w))
             for i, w in enumerate(self.flags)
         ]
         return replace(self, frame=self.frame.assign(flags=words))

@@ -82,11 +82,7 @@ class Trace:
 def envelope(
     time: Float[np.ndarray, " n"], signal: Float[np.ndarray, " n"], *, max_points: int
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
-    """Signal thinned for drawing with its extremes, unchanged if it is short.
-
-    Args:
-        time: Sample times [s].
-    """
+    """Signal thinned for drawing with its extremes, unchanged if it is short."""
     if time.size <= max_points:
         return time, signal
     filled = (

@@ -203,11 +203,7 @@ def refuse_other_types(start: bytes, path: str) -> None:
 
 
 def check_csv_name(path: str | Path) -> None:
-    """Refuse a name by which readers would take CSV for another format.
-
-    Raises:
-        ConfigError: It ends in one of those of NumPy, Parquet or gzip.
-    """
+    """Refuse a name by which readers would take CSV for another format."""
     if (suffix := Path(path).suffix.lower()) in {*PARQUET, *NUMPY, GZIP}:
         raise ConfigError(
             f"{path}: is written as CSV, which no {suffix} file is; name a .csv file",

@@ -164,15 +164,7 @@ def _other_units(
 
 
 def _numpy_table(path: str, columns: Sequence[str]) -> tuple[Table, str]:
-    """Columns of a NumPy file, and which kind of file it is.
-
-    Args:
-        columns: Names of the columns of a table without names.
-
-    Raises:
-        ConfigError: If names are stated for columns that have some.
-        DataError: If it cannot be read, or holds no columns or several tables.
-    """
+    """Columns of a NumPy file, and which kind of file it is."""
     try:
         loaded = np.load(path, allow_pickle=False)
         if not isinstance(loaded, np.ndarray):
@@ -229,11 +221,7 @@ def _columns_of(
 
 
 def _longest(lone: Table, *, path: str) -> int:
-    """Length of the longest of some arrays, no two of which are as long.
-
-    Raises:
-        DataError: If one is nearly as long.
-    """
+    """Length of the longest of some arrays, no two of which are as long."""
     sizes = {name: array.size for name, array in lone.items()}
     length = max(sizes.values(), default=0)
     alike = [f"{n} ({k})" for n, k in sizes.items() if k > (1 - _ONE_TABLE) * length]
@@ -261,11 +249,7 @@ def _numbers_of(arrays: NpzFile) -> Table:
 
 
 def _only(tables: Table, *, path: str) -> tuple[str, np.ndarray]:
-    """Name and rows of the table of a file.
-
-    Raises:
-        DataError: If there are several, or what there is has more than two dimensions.
-    """
+    """Name and rows of the table of a file."""
     if len(tables) == 1:
         ((name, rows),) = tables.items()
         if rows.ndim == 2:

@@ -191,11 +191,7 @@ def joints_stated(config: GraspConfig) -> GraspConfig:
 
 
 def check_normal(normal: str) -> None:
-    """Refuse a name of the normal component that this hand has no reading of.
-
-    Raises:
-        ConfigError: There is no such component.
-    """
+    """Refuse a name of the normal component that this hand has no reading of."""
     if normal.removeprefix("-") not in AXES:
         raise ConfigError(
             f"[peaks] normal = {normal!r} is no channel of the simulated sensor, which "

@@ -108,9 +108,7 @@ def _ordered(recording: Recording, limits: Limits) -> tuple[Recording, str | Non
     steps = np.diff(time)
     if np.any(steps < -limits.stale_s):
         return recording, "clock_jump"
-    order = np.argsort(time, kind="stable")
-    order = order[np.concatenate([[True], np.diff(time[order]) > 0])]
-    return recording.taken(order), None
+    return recording.taken(np.unique(time, return_index=True)[1]), None
 
 
 def _stream_fault(

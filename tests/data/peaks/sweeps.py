@@ -4,8 +4,9 @@ import dataclasses
 
 import numpy as np
 
-from pushfit.data.simulate import ALPHA_SWEEP, BIOTAC, simulate_recording
+from pushfit.data.simulate import ALPHA_SWEEP, simulate_recording
 from pushfit.model import Grasp, Parameters
+from tests.problems import BIOTAC
 
 PARAMS = Parameters(
     K_sn=800.0, K_dn=1500.0, K_st=400.0, C_rr=0.3, C_d=0.3, L=0.04, e1=0.3

@@ -20,7 +20,6 @@ from pushfit.data.pushes.running_means import RunningMeans
 from pushfit.data.recordings.records import Recording
 from pushfit.data.simulate import (
     ALPHA_SWEEP,
-    BIOTAC,
     THETA_SWEEP,
     Session,
 )
@@ -29,6 +28,7 @@ from pushfit.data.units import UNITS
 from pushfit.errors import ConfigError, DataError
 from pushfit.model import Grasp
 from tests.data.peaks.sweeps import simulated, with_signal
+from tests.problems import BIOTAC
 from tests.tolerances import MAX_Z, ROUTES
 
 # Residuals are compared with stated standard deviations; 27 of them exceed four by

@@ -18,7 +18,8 @@ def humps(n=N, jitter=0.1, seed=0):
 
 def aligned(times, brush=None, n_planned=N):
     brush = [False] * len(times) if brush is None else brush
-    return align(times, brush, plan=evenly(n_planned))
+    span = (times[0] - PERIOD, times[-1] + PERIOD)
+    return align(times, brush, plan=evenly(n_planned), span=span)
 
 
 def test_as_many_humps_as_pushes_are_paired_in_order():
@@ -120,7 +121,8 @@ def test_a_few_odd_pushes_of_many_short_runs_are_no_other_schedule():
 def test_planned_times_locate_a_push_in_an_uneven_schedule():
     planned = np.cumsum([0, 2, 2, 6, 2, 9, 2, 2, 4, 2.0])
     recorded = np.delete(planned + 100.0, 5)
-    result = align(recorded, [False] * 9, plan=evenly(10, planned))
+    span = (90.0, 140.0)
+    result = align(recorded, [False] * 9, plan=evenly(10, planned), span=span)
     assert result.missing == (5,)
 
 

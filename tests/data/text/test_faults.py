@@ -17,10 +17,11 @@ from pushfit.config import GraspConfig
 from pushfit.data.peaks.extract import extract_peaks
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.recordings.records import Recording
-from pushfit.data.simulate import BIOTAC, simulate_recording, simulate_table
+from pushfit.data.simulate import simulate_recording, simulate_table
 from pushfit.errors import DataError
 from pushfit.fit.checks.table_checks import table_warnings
 from pushfit.model import Grasp, Parameters
+from tests.problems import BIOTAC
 from tests.tolerances import MAX_Z
 
 TESTS = Path(__file__).parents[2]

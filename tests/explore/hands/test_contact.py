@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from pushfit.data.plans.schedule import PushSchedule
-from pushfit.data.simulate import BIOTAC, Session, simulate_recording
+from pushfit.data.simulate import Session, simulate_recording
 from pushfit.explore.hands.protocol import PushOutcome, PushStatus
 from pushfit.explore.hands.touch import is_lost, is_unfelt
 from tests.explore.beliefs import PLAIN
 from tests.explore.worlds import TRUTH
+from tests.problems import BIOTAC
 
 SESSIONS = {
     "there and back": Session(noise=0.01),
