@@ -1,4 +1,4 @@
-"""Contact parameters, rolling threshold and best push direction from robotic pushes."""
+"""Contact parameters, critical angle and best push direction from robotic pushes."""
 
 import lazy_loader
 

@@ -175,8 +175,9 @@ def critical_B(group: Contact, grasp: Grasp, direction: PushAngles) -> Scalar:
     if grasp.support_span is None:
         return pressed * group.C_rr / norm2(x, y)
     limit_x, limit_y = rolling_limits(group, grasp.support_span)
-    # θ_c is the larger of the angles about both axes.
-    return pressed * jnp.minimum(limit_x / jnp.abs(x), limit_y / jnp.abs(y))
+    # θ_c is the larger of the angles about both axes. Along one the other needs
+    # nothing, and its limit over nothing would have no slope.
+    return pressed / jnp.maximum(jnp.abs(x) / limit_x, jnp.abs(y) / limit_y)
 
 
 def critical_C_rr(group: Contact, grasp: Grasp, direction: PushAngles) -> Scalar:

@@ -78,6 +78,26 @@ def test_a_contact_made_to_just_not_roll_has_that_critical_angle(name, span):
     assert linear.is_upper_tie(held, grasp, theta)
 
 
+@pytest.mark.parametrize(
+    ("alpha_deg", "span", "by_f1"), [(0.0, 0.02, -1), (90.0, 0, 1)]
+)
+def test_a_push_along_an_axis_of_two_supports_ties_by_that_axis_alone(
+    alpha_deg, span, by_f1
+):
+    """B = C (F_0/S_p + A sin θ)/cos θ · e^(∓f1/2), C the limit of the axis."""
+    grasp = Grasp(PUSH, 0.5, support_span=0.02)
+    group, theta = contact(paper_parameters()), 0.4
+    direction = (jnp.asarray(theta), jnp.asarray(math.radians(alpha_deg)))
+    B, slopes = jax.value_and_grad(linear.critical_B)(group, grasp, direction)
+    pressed = (0.5 / PUSH + group.A * math.sin(theta)) / math.cos(theta)
+    limit = group.C_rr + span / (2 * group.L)
+    np.testing.assert_allclose(B, limit * pressed, rtol=EXACT)
+    found = [slopes.A, slopes.C_rr, slopes.f1]
+    expected = [limit * math.tan(theta), pressed, by_f1 * B / 2]
+    np.testing.assert_allclose(found, expected, rtol=EXACT)
+    assert np.isfinite(slopes.f2)
+
+
 def test_a_push_that_lifts_off_is_held_by_no_friction():
     direction = (jnp.asarray(-1.2), jnp.asarray(0.0))
     assert np.isnan(friction(paper_parameters(), Grasp(PUSH, 0.5), direction))

@@ -10,6 +10,7 @@ import pytest
 from scipy import optimize, stats
 
 from pushfit.config import parse_config
+from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.problem.setup import build_problem
 from pushfit.fit.profiles.least_squares import fit_least_squares
@@ -22,6 +23,7 @@ from pushfit.fit.profiles.profile_sets import (
 )
 from pushfit.fit.profiles.profiles import likelihood_profiles
 from pushfit.fit.results import Verdict
+from pushfit.model import Grasp
 from tests.fit.tables import case_table, setup_of, without_sd
 from tests.problems import CASES, PUSH, paper_parameters
 from tests.tolerances import EXACT, ROUTES
@@ -429,3 +431,25 @@ def test_modes_above_a_profile_do_not_cut_it(firm):
         wanted=("ln_A",),
     )
     assert found["A"].pieces == (pytest.approx((low, high), rel=END),)
+
+
+@pytest.mark.slow
+def test_pushes_along_two_supports_have_the_set_of_one_with_more_friction():
+    """C_rr + |AB|/2L instead of C_rr, and nothing rolls about the other axis."""
+    case = CASES["paper"]
+    rng = np.random.default_rng(1)
+    table = simulate_table(
+        case.params,
+        Grasp(push_length=PUSH, support_span=0.04),
+        theta=np.radians(np.arange(5.0, 86.0, 8.0)),
+        alpha=0.0,
+        repeats=3,
+        noise=0.02,
+        rng=rng,
+    )
+    sets = [
+        profiles_of(setup_of(table, text), alpha=0.0)["theta_c"].pieces
+        for text in ("", "[grasp]\nsupport_span_mm = 40\n")
+    ]
+    assert len(sets[0]) == 1
+    np.testing.assert_allclose(sets[1], sets[0], rtol=SAME_PROFILE)
