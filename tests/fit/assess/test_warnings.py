@@ -1,9 +1,11 @@
 """What a finished result says beside its numbers."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from pushfit.config import parse_config
 from pushfit.data.tables.peak_table import PeakTable
@@ -14,9 +16,13 @@ from pushfit.fit.assess.warnings import (
     contact_warnings,
     contradiction_warning,
     improbable,
+    low_scatter_warning,
     result_warnings,
+    scatter_warning,
     untested,
 )
+from pushfit.fit.checks.model_checking import LEVEL
+from pushfit.fit.identify.fit_table import fit_table
 from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.problem.setup import build_problem
 from pushfit.fit.results import FitStatus, Verdict
@@ -24,7 +30,7 @@ from pushfit.fit.sweep import posterior as sweep
 from pushfit.model import Grasp
 from pushfit.parameters import NAMED
 from tests.fit.posteriors import posterior_of
-from tests.fit.tables import case_table, config
+from tests.fit.tables import SEVEN_DEG, case_table, config
 from tests.problems import CASES, PUSH
 
 
@@ -64,6 +70,53 @@ def test_a_bound_below_zero_is_a_bound(draws, is_said):
     posterior = posterior_of({"e1": np.clip(draws, LOW, HIGH)})
     codes = {warning.code for warning in bound_warnings(setup, posterior)}
     assert ("bound_touched" in codes) is is_said
+
+
+@pytest.fixture(scope="module")
+def stated():
+    """Heights with standard deviations."""
+    return fit_table(
+        case_table(CASES["firm"], noise=0.02, theta_deg=SEVEN_DEG), config()
+    )
+
+
+@pytest.mark.parametrize(("times", "is_said"), [(0.9, True), (1.1, False)])
+@pytest.mark.parametrize("scale", [1.0, 2.0])
+def test_scatter_is_said_to_be_other_than_stated_once_in_a_thousand(
+    stated, times, is_said, scale
+):
+    """By chi-square, also where sigma is sampled, and twice what is stated then."""
+    dof, kind = stated.fit.degrees_of_freedom, "given" if scale == 1.0 else "sampled"
+    setup = replace(stated.setup, noise=replace(stated.setup.noise, kind=kind))
+    for chi_square, of in (
+        (stats.chi2.isf(times * LEVEL, dof), scatter_warning),
+        (stats.chi2.ppf(times * LEVEL, dof), low_scatter_warning),
+    ):
+        sigma = scale * stated.fit.sigma
+        fit = replace(stated.fit, chi_square=chi_square / scale**2, sigma=sigma)
+        warning = of(stated.table, setup, fit)
+        assert (warning is not None) is is_said
+        if warning is not None:
+            ratio = float(re.search(r"scatter (\S+) times", warning.text).group(1))
+            assert ratio == pytest.approx(np.sqrt(chi_square / dof), abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("noise", "fit"),
+    [
+        ({"kind": "pooled"}, {}),
+        ({"kind": "sampled", "height_share": np.nan}, {}),
+        ({"kind": "sampled", "shared": {"height": np.zeros((1, 21))}}, {}),
+        ({}, {"n_free": 21}),
+    ],
+    ids=["pooled", "in proportion", "of repeats", "none"],
+)
+def test_nothing_is_said_of_scatter_that_is_not_of_what_is_stated(stated, noise, fit):
+    setup = replace(stated.setup, noise=replace(stated.setup.noise, **noise))
+    for chi_square in (1e-9, 1e9):
+        one = replace(stated.fit, chi_square=chi_square, **fit)
+        assert scatter_warning(stated.table, setup, one) is None
+        assert low_scatter_warning(stated.table, setup, one) is None
 
 
 EVEN = np.linspace(0.5, 1.5, 1000)
