@@ -287,6 +287,7 @@ def _score(name: str, fitted: Fitted, seed: int) -> ModelScore:
         seed=seed,
         predictive=predictive_checks(fitted.table, fitted.setup, posterior, seed=seed),
         is_scattered=fitted.is_scattered,
+        likelihood=fitted.setup.problem.likelihood,
     )
     densities = None
     # No push that has something in common with others can be left out by itself.

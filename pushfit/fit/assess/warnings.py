@@ -9,18 +9,24 @@ from functools import partial
 
 import jax
 import numpy as np
-import scipy
 
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.text.faults import listed
 from pushfit.fit.assess.model_free import direction_disagreement
 from pushfit.fit.checks.leave_one_out import LeftOut, unlike_words
-from pushfit.fit.checks.model_checking import LEVEL, MIN_TESTED, label
+from pushfit.fit.checks.model_checking import (
+    LEVEL,
+    MIN_TESTED,
+    chance_of_more,
+    label,
+)
 from pushfit.fit.problem.derived import median
 from pushfit.fit.problem.noise import stated_sds
 from pushfit.fit.problem.predictions import predict_points
+from pushfit.fit.problem.problem import STUDENT_DOF, STUDENT_SCALE
 from pushfit.fit.problem.setup import Setup
+from pushfit.fit.profiles.weights import likeliest_scale
 from pushfit.fit.results import (
     OUTLIER_SIGMA,
     FitResult,
@@ -139,10 +145,18 @@ def _scatter(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[float, flo
     dof = fit.degrees_of_freedom
     if sds is None or noise.kind == "pooled" or dof < 1 or is_unknown:
         return 0.5, 1.0
+    own, likelihood = fit.sigma, setup.problem.likelihood
     if is_sampled:
         stated = [sds[c][r] for c, r in zip(fit.channel, fit.row, strict=True)]
-        chi_square *= float(np.mean((fit.sigma / np.array(stated)) ** 2))
-    return float(scipy.special.chdtrc(dof, chi_square)), np.sqrt(chi_square / dof)
+        own = np.array(stated)
+        chi_square *= float(np.mean((fit.sigma / own) ** 2))
+    times = np.sqrt(chi_square / dof)
+    if likelihood == "student_t":
+        observed = np.asarray(setup.problem.observed)[np.asarray(setup.problem.mask)]
+        scaled = (observed - fit.predicted) / own / STUDENT_SCALE
+        deviances = (STUDENT_DOF + 1) * np.log1p(scaled**2 / STUDENT_DOF)
+        chi_square, times = float(np.sum(deviances)), likeliest_scale(scaled)
+    return chance_of_more(chi_square, dof, likelihood), times
 
 
 def result_warnings(

@@ -17,6 +17,7 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.checks.leave_one_out import LeftOut
 from pushfit.fit.problem.derived import equal_tailed_interval
 from pushfit.fit.problem.noise import Noise
+from pushfit.fit.problem.problem import STUDENT_DOF
 from pushfit.fit.profiles.profile_sets import profile_set
 from pushfit.fit.results import (
     OUTLIER_SIGMA,
@@ -64,6 +65,7 @@ def goodness_of_fit(
     contradicted: Sequence[str] = (),
     left_out: Sequence[LeftOut] = (),
     is_scattered: bool = False,
+    likelihood: str = "normal",
 ) -> GoodnessOfFit:
     """Compare the residuals of a fit with noise, with repeats and with each other.
 
@@ -72,6 +74,7 @@ def goodness_of_fit(
         left_out: Pushes that the others do not predict.
         is_scattered: Whether noise is taken from the residuals because that stated does
             not explain them.
+        likelihood: Of the noise, "normal" or "student_t".
     """
     rows = np.asarray(fit.row)
     heights = {name: table.heights(name) for name in table.channels}
@@ -80,7 +83,7 @@ def goodness_of_fit(
     )
     residuals = (fit.predicted - observed) / fit.sigma
     r_squared = share_explained(observed, fit.predicted, np.asarray(fit.channel))
-    p_value = _chi_square_p_value(fit, noise)
+    p_value = _chi_square_p_value(fit, noise, likelihood)
     lack_of_fit = _lack_of_fit_p_value(table, fit, residuals)
     is_quiet = fit.chi_square < QUIET_CHI_SQUARE * fit.degrees_of_freedom
     pattern = None if is_quiet else _pattern_p_value(table, fit, residuals, seed=seed)
@@ -240,11 +243,33 @@ def share_explained(
     return 1.0 - errors / total if total > rounded else float(errors <= rounded)
 
 
-def _chi_square_p_value(fit: FitResult, noise: Noise) -> float | None:
+def _chi_square_p_value(fit: FitResult, noise: Noise, likelihood: str) -> float | None:
     """Chance of a larger chi-square; None where sigma was made to fit it."""
     if noise.kind != "given" or fit.degrees_of_freedom < 1:
         return None
-    return float(scipy.special.chdtrc(fit.degrees_of_freedom, fit.chi_square))
+    return chance_of_more(fit.chi_square, fit.degrees_of_freedom, likelihood)
+
+
+def chance_of_more(
+    chi_square: float, degrees_of_freedom: int, likelihood: str
+) -> float:
+    """Chance of a larger sum of squares where noise is as stated.
+
+    Squares of Student-t residuals are deviances, (ν + 1) ln(1 + t²/ν): logs of a beta
+    variable. Their sum has nearly the gamma distribution of its mean and variance, as
+    chi-square is one.
+
+    Args:
+        likelihood: Of the noise, "normal" or "student_t".
+    """
+    mean, variance = 1.0, 2.0
+    if likelihood == "student_t":
+        ends = np.array([STUDENT_DOF + 1, STUDENT_DOF]) / 2
+        mean = -(STUDENT_DOF + 1) * np.diff(scipy.special.digamma(ends))[0]
+        trigamma = scipy.special.polygamma(1, ends)
+        variance = (STUDENT_DOF + 1) ** 2 * np.diff(trigamma)[0]
+    shape, scale = degrees_of_freedom * mean**2 / variance, variance / mean
+    return float(scipy.special.gammaincc(shape, chi_square / scale))
 
 
 def _lack_of_fit_p_value(

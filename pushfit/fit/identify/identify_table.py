@@ -152,6 +152,7 @@ def _conclude(
         contradicted=contradicted_quantities(posterior.samples, profiles, prob=prob),
         left_out=left_out,
         is_scattered=fitted.is_scattered,
+        likelihood=fitted.setup.problem.likelihood,
     )
     goodness, reading = _read_otherwise(fitted, posterior, goodness, seed=seed)
     found = Identification(

@@ -294,13 +294,13 @@ def tail_gain(problem: Problem, fit: FitResult, kind: str) -> float:
         wide, narrow = 1.0, STUDENT_SCALE
         if kind != "given":
             wide = np.sqrt(np.mean(own**2))
-            narrow = _likeliest_scale(own)
+            narrow = likeliest_scale(own)
         student = scipy.stats.t.logpdf(own, STUDENT_DOF, scale=narrow)
         total += float(np.sum(student - scipy.stats.norm.logpdf(own, scale=wide)))
     return total
 
 
-def _likeliest_scale(residuals: Float[np.ndarray, " n"]) -> float:
+def likeliest_scale(residuals: Float[np.ndarray, " n"]) -> float:
     """The scale s of Student-t residuals with n = Σ (ν + 1) r² / (ν s² + r²)."""
     squares = residuals**2
     high = float(np.max(squares))

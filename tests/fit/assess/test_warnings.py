@@ -72,6 +72,10 @@ def test_a_bound_below_zero_is_a_bound(draws, is_said):
     assert ("bound_touched" in codes) is is_said
 
 
+# Half of the last digit that a ratio shows.
+ONE_DIGIT = 0.05
+
+
 @pytest.fixture(scope="module")
 def stated():
     """Heights with standard deviations."""
@@ -98,7 +102,7 @@ def test_scatter_is_said_to_be_other_than_stated_once_in_a_thousand(
         assert (warning is not None) is is_said
         if warning is not None:
             ratio = float(re.search(r"scatter (\S+) times", warning.text).group(1))
-            assert ratio == pytest.approx(np.sqrt(chi_square / dof), abs=0.05)
+            assert ratio == pytest.approx(np.sqrt(chi_square / dof), abs=ONE_DIGIT)
 
 
 @pytest.mark.parametrize(
@@ -117,6 +121,25 @@ def test_nothing_is_said_of_scatter_that_is_not_of_what_is_stated(stated, noise,
         one = replace(stated.fit, chi_square=chi_square, **fit)
         assert scatter_warning(stated.table, setup, one) is None
         assert low_scatter_warning(stated.table, setup, one) is None
+
+
+TAILS = '[noise]\nlikelihood = "student_t"\n'
+
+
+def test_scatter_as_stated_is_no_more_by_heavy_tails():
+    """Deviances of 102 normal residuals add up to 170, and of Student's to 140."""
+    table = case_table(CASES["firm"], noise=0.02, repeats=6, seed=1)
+    fitted = fit_table(table, config(TAILS))
+    assert fitted.setup.noise.kind == "given"
+    assert low_scatter_warning(table, fitted.setup, fitted.fit) is None
+    # A tenth is stated: by as much as the likeliest scale of ν = 4.
+    exact = replace(fitted.fit, sigma=fitted.fit.sigma / 10)
+    residuals = (table.heights("height") - exact.predicted) / exact.sigma
+    _, _, scale = stats.t.fit(residuals, f0=4, floc=0)
+    warning = scatter_warning(table, fitted.setup, exact)
+    assert warning is not None
+    ratio = float(re.search(r"scatter (\S+) times", warning.text).group(1))
+    assert ratio == pytest.approx(np.sqrt(2) * scale, abs=ONE_DIGIT)
 
 
 EVEN = np.linspace(0.5, 1.5, 1000)

@@ -9,6 +9,7 @@ from pushfit.fit.checks.leave_one_out import LeftOut
 from pushfit.fit.checks.model_checking import (
     LEVEL,
     MIN_TESTED,
+    chance_of_more,
     contradicted_quantities,
     goodness_of_fit,
 )
@@ -246,6 +247,21 @@ def test_noise_alone_is_not_faulted():
     assert sum(not f.is_adequate for f in found) <= 2
     p_values = [f.pattern_p_value for f in found]
     assert stats.kstest(p_values, "uniform").pvalue > MIN_P
+
+
+@pytest.mark.parametrize("n", [10, 50])
+def test_the_chance_of_a_sum_is_uniform_by_either_noise(n):
+    """Of residuals whose standard deviation is as stated, Student's with ν = 4."""
+    rng = np.random.default_rng(0)
+    normal = np.sum(rng.standard_normal((2000, n)) ** 2, axis=1)
+    chances = [chance_of_more(chi_square, n, "normal") for chi_square in normal]
+    np.testing.assert_allclose(chances, stats.chi2.sf(normal, n), rtol=ROUTES)
+    t = rng.standard_t(4, (2000, n))
+    deviances = np.sum(5 * np.log1p(t**2 / 4), axis=1)
+    chances = [chance_of_more(deviance, n, "student_t") for deviance in deviances]
+    assert stats.kstest(chances, "uniform").pvalue > LEVEL
+    # In its tail, too: 40 of 2000, and three standard errors.
+    assert 20 < np.sum(np.array(chances) < 0.02) < 60
 
 
 def test_chi_square_and_its_p_value_are_scipys():
