@@ -153,6 +153,8 @@ def test_what_priors_hardly_allow_is_free_quoted_and_by_draws_to_be_trusted(name
     assert improbable(known, posterior_of(samples, before)) == ()
     (letter,) = improbable(known, posterior_of(far, before))
     assert letter == NAMED[name].prose
+    once_in_fifty = samples | {name: np.full(1000, np.quantile(EVEN, 0.99))}
+    assert improbable(known, posterior_of(once_in_fifty, before)) == ()
     assert improbable(known, posterior_of(far, before, FitStatus.NOT_CONVERGED)) == ()
     fixed = before | {name: np.ones(1000)}
     assert improbable(known, posterior_of(far, fixed)) == ()
@@ -239,11 +241,13 @@ def test_an_integral_that_is_not_settled_is_no_solver_that_stopped(monkeypatch):
         (-2, "heights are fewer than unknowns"),
         (0, "heights are as many as unknowns"),
         (1, "heights exceed unknowns by 1 only"),
+        (6, "heights exceed unknowns by 6 only"),
     ],
 )
 def test_heights_that_leave_nothing_to_test_are_counted_right(degrees_of_freedom, said):
     (warning,) = untested(degrees_of_freedom)
     assert warning.text.startswith(f"{said}, which would not show an outlier")
+    assert list(untested(7)) == []
 
 
 def test_outliers_come_with_what_to_do(found):
