@@ -96,6 +96,13 @@ def test_two_azimuths_are_too_few(azimuths, is_third_used, is_few, theta_only):
     assert (few in sentence) is is_few
 
 
+def test_an_angle_of_a_model_that_does_not_fit_has_no_other_reason(theta_only):
+    """Neither few azimuths nor flat heights."""
+    angle = undetermined("alpha_star", verdict=Verdict.PROVISIONAL)
+    sentence = alpha_star_answer(replace(theta_only, alpha_star=angle)).sentence
+    assert "not determined by these data: the model does not describe them." in sentence
+
+
 def test_an_angle_that_settings_fix_is_called_configured(determined):
     fixed = make_angle("alpha_star", 65.0, interval=None, verdict=Verdict.FIXED)
     answer = alpha_star_answer(replace(determined, alpha_star=fixed))

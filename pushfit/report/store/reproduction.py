@@ -186,11 +186,23 @@ def _walk(
             elif key == "sets" and not where.endswith("_deg"):
                 # Into how many pieces a set that fills the prior falls is up to chance.
                 limit = math.inf
+            elif key == "sets" and limit is None and isinstance(item, list):
+                # Of draws as well, where an angle that is open to a side has no more.
+                limit = SHARE_OF_WIDTH * min(map(_width, item), default=0.0)
             yield from _walk(cast(Json, item), f"{where}.{key}", limit)
         return
     if allowed is None:
         allowed = RELATIVE * abs(value) if _is_number(value) else 0.0
     yield where, Expected(value=value, allowed=allowed)
+
+
+def _width(piece: Json) -> float:
+    """Width of a piece of an angle; of an open one to the next right angle [deg]."""
+    low, high = cast(list[float | None], piece)
+    if low is not None and high is not None:
+        return high - low
+    end = low if high is None else high
+    return math.inf if end is None else abs(math.remainder(end, HALF_TURN / 2))
 
 
 def _is_same(recorded: Leaf, found: Leaf) -> bool:

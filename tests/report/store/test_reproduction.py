@@ -87,6 +87,80 @@ def test_other_versions_explain_what_draws_scatter_and_no_more(
         assert comparison.environment["jax"] == ("0.10.2", "0.0.1")
 
 
+def with_chi_square(result, share):
+    chi_square = result.fit.chi_square * (1 + share * 1e-6)
+    return replace(result, fit=replace(result.fit, chi_square=chi_square))
+
+
+def with_contraction(result, share):
+    parameters = tuple(
+        replace(q, contraction=q.contraction - share * 0.05) if q.name == "C_rr" else q
+        for q in result.parameters
+    )
+    return replace(result, parameters=parameters)
+
+
+def with_height(result, share):
+    """The lowest one, moved by a share of the tallest."""
+    frame = result.table.frame.copy()
+    heights = frame["height_n"].to_numpy()
+    frame.loc[int(np.argmin(heights)), "height_n"] += share * 1e-6 * heights.max()
+    return replace(result, table=replace(result.table, frame=frame))
+
+
+def with_bound(result, share):
+    """One of 61.2° has 28.8° above it."""
+    ((low, _),) = result.theta_c.sets
+    sets = ((low + share * 0.1 * 28.8, None),)
+    return replace(result, theta_c=replace(result.theta_c, sets=sets))
+
+
+def with_pieces(result, share):
+    """A set of a parameter that falls into two, whatever the share."""
+    parameters = tuple(
+        replace(q, sets=((0.1, 0.2), (0.3, 0.4))) if q.name == "C_rr" else q
+        for q in result.parameters
+    )
+    return with_chi_square(replace(result, parameters=parameters), share)
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize(
+    ("kind", "change"),
+    [
+        ("determined", with_chi_square),
+        ("determined", with_contraction),
+        ("determined", with_height),
+        ("one_sided", with_bound),
+        ("determined", with_pieces),
+    ],
+)
+def test_other_versions_move_each_number_by_its_own_share(
+    kind, change, request, tmp_path
+):
+    """Draws may be any: the largest difference, and told after one that counts."""
+    before = request.getfixturevalue(kind)
+    out = write_result_folder(before, tmp_path / "result", force=False)
+    posterior = before.posterior
+    samples = {**posterior.samples, "A": 3 * posterior.samples["A"]}
+    other = {"posterior": replace(posterior, samples=samples), "versions": {}}
+    for share, is_reproduced in ((0.9, True), (1.1, False)):
+        again = replace(change(before, share), **other)
+        comparison = compare_result(out, read_summary(out), again)
+        assert comparison.is_reproduced is is_reproduced
+        assert comparison.differences[0].is_tolerated is is_reproduced
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_draws_without_an_angle_equal_themselves(determined, tmp_path):
+    posterior = determined.posterior
+    theta_c = np.where(np.arange(posterior.log_prob.size) % 7, 40.0, np.nan)
+    samples = {**posterior.samples, "theta_c": theta_c}
+    result = replace(determined, posterior=replace(posterior, samples=samples))
+    out = write_result_folder(result, tmp_path / "result", force=False)
+    assert compare_result(out, read_summary(out), result).is_exact
+
+
 @pytest.mark.usefixtures("undrawn")
 def test_an_axis_that_passes_zero_has_hardly_moved(determined, tmp_path):
     """179.9° and 0.1° are 0.2° apart."""
