@@ -335,12 +335,17 @@ def test_a_finger_left_on_the_object_is_taken_back_at_the_end():
     assert not finger.is_extended
 
 
-def test_the_finger_is_taken_back_when_the_driver_dies(tmp_path):
-    path = tmp_path / "run.jsonl"
+def test_the_finger_is_taken_back_when_the_driver_dies(tmp_path, monkeypatch):
+    path, calls = tmp_path / "run.jsonl", []
     own = explorer(journal=path)
     finger = Broken(hand().world, seed=1)
+    retract = finger.retract
+    monkeypatch.setattr(finger, "stop", lambda: calls.append("stop"))
+    monkeypatch.setattr(finger, "retract", lambda: calls.append("back") or retract())
     with pytest.raises(ConnectionError):
         explore(own, finger, settings=FORCES)
+    # Before the first push, after it, and once it has been stopped.
+    assert calls == ["back", "back", "stop", "back"]
     assert not finger.is_extended
     again = explorer(journal=path)
     assert again.is_dangling
