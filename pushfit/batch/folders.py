@@ -37,11 +37,8 @@ def folder_name(item: str) -> str:
 
 def is_current(folder: Path, key: str, written: Mapping[str, tuple[str, str]]) -> bool:
     """Whether a folder still holds an item's result, by key and digest as written."""
-    found = written.get(folder.name)
     summary = folder / SUMMARY
-    return (
-        found is not None and summary.is_file() and found == (key, sha256_of(summary))
-    )
+    return summary.is_file() and written.get(folder.name) == (key, sha256_of(summary))
 
 
 def begin_folder(folder: Path) -> None:

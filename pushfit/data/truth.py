@@ -84,16 +84,11 @@ def stated_parameters(config: GraspConfig) -> Parameters:
 
 
 def _centre(prior: PriorSetting) -> float:
-    """The number that stands for a prior."""
-    if prior.fixed is not None:
-        return prior.fixed
-    if prior.normal is not None:
-        return prior.normal.mean
-    if prior.lognormal is not None:
-        return prior.lognormal.median
-    if prior.uniform is not None:
-        return (prior.uniform.low + prior.uniform.high) / 2
-    raise ConfigError(
-        "a prior in [parameters] states nothing; write NAME = { fixed = value }",
-        code="no_truth",
+    """The number that stands for a prior, which states one of these."""
+    centres = (
+        prior.fixed,
+        prior.normal and prior.normal.mean,
+        prior.lognormal and prior.lognormal.median,
+        prior.uniform and (prior.uniform.low + prior.uniform.high) / 2,
     )
+    return next(centre for centre in centres if centre is not None)

@@ -263,11 +263,8 @@ def implausible_signal(values: Float[np.ndarray, " n"], unit: Unit) -> str | Non
     if finite.size == 0:
         return None
     level = float(np.median(np.abs(finite)))
-    if (
-        level >= _MIN_COUNTS
-        and level <= _MAX_COUNTS
-        and np.array_equal(finite, np.rint(finite))
-    ):
+    are_whole = np.array_equal(finite, np.rint(finite))
+    if are_whole and _MIN_COUNTS <= level <= _MAX_COUNTS:
         return (
             f"median {level:g} and whole numbers only look like raw counts, "
             f"{level / _ATMOSPHERE:.3g} times atmospheric pressure in kPa; "

@@ -121,8 +121,8 @@ def _without_jerks(
         return time, signal, found
     near = np.zeros(len(time), dtype=bool)
     for hump in brief:
-        first, last = hump.t_start - FIRST_SMOOTHING, hump.t_end + FIRST_SMOOTHING
-        near[np.searchsorted(time, first) : np.searchsorted(time, last)] = True
+        ends = hump.t_start - FIRST_SMOOTHING, hump.t_end + FIRST_SMOOTHING
+        near[slice(*np.searchsorted(time, ends))] = True
     kept = np.ones(len(time), dtype=bool)
     # What is far below its top shows once that is gone. A jerk is the lesser part.
     while 2 * np.count_nonzero(kept) > len(time):
@@ -136,8 +136,8 @@ def _without_jerks(
     # beside it. What is cut may be as wide as the others are.
     for hump in brief:
         if hump.t_end - hump.t_start > BRIEFER * hump.width and not hump.is_cut:
-            first, last = hump.middle - hump.width, hump.middle + hump.width
-            kept[np.searchsorted(time, first) : np.searchsorted(time, last)] = False
+            ends = hump.middle - hump.width, hump.middle + hump.width
+            kept[slice(*np.searchsorted(time, ends))] = False
     without = find(time[kept], signal[kept], settings, signed=signed)
     pushes = [hump for hump in without.extents if not hump.is_brush]
     longest = max(hump.width for hump in brief)

@@ -196,12 +196,8 @@ class _Look:
         """Humps, and which of them are the planned pushes."""
         time, signal, settings = self.time, self.signal, self.settings
         paired = pair(self.found, schedule, settings, span=self.span)
-        if (
-            settings.signed is None
-            and schedule is not None
-            and (paired.alignment is None or paired.alignment.n_odd > 0)
-            and np.any(schedule.theta < 0)
-        ):
+        goes_down = schedule is not None and np.any(schedule.theta < 0)
+        if goes_down and settings.signed is None and paired.n_odd > 0:
             both = find(time, signal, settings, signed=True)
             own = self.found
             both = replace(both, jerks=own.jerks, notches=own.notches)

@@ -80,10 +80,8 @@ def trace_feet(view: View, coarse: Feet[np.ndarray]) -> Feet[np.ndarray]:
         is_clear = seen.height > CLEAR * noise
         seen = replace(
             seen,
-            start=np.where(
-                is_clear, np.minimum(seen.start, coarse.half_up), seen.start
-            ),
-            end=np.where(is_clear, np.maximum(seen.end, coarse.half_down), seen.end),
+            start=np.minimum(seen.start, np.where(is_clear, coarse.half_up, np.inf)),
+            end=np.maximum(seen.end, np.where(is_clear, coarse.half_down, -np.inf)),
         )
         # What shrinks until it is as low as noise is held where it was more.
         feet = seen.where(seen.height >= SEEN * noise, feet)

@@ -217,11 +217,8 @@ def _in_words(
         shown = f"{value:g}" if isinstance(value, float) else repr(value)
         column = str(case["column"])
         stem = column.removesuffix("_deg")
-        if (
-            code.endswith("_range")
-            and stem in ANGLES
-            and stem not in columns.in_degrees
-        ):
+        is_converted = stem in ANGLES and stem not in columns.in_degrees
+        if is_converted and code.endswith("_range"):
             shown = f"{np.radians(value):g} rad = {shown}°"
             rule += f"; name a column of degrees {column}"
         problems.append(

@@ -85,9 +85,7 @@ def envelope(
     """Signal thinned for drawing with its extremes, unchanged if it is short."""
     if time.size <= max_points:
         return time, signal
-    filled = (
-        np.where(np.isnan(signal), 0.0, signal) if np.isnan(signal).any() else signal
-    )
+    filled = np.where(np.isnan(signal), 0.0, signal)
     length = -(-time.size // (max_points // 2))
     n_whole = time.size // length * length
     kept = []

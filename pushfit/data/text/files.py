@@ -31,6 +31,20 @@ _MAGIC: tuple[tuple[bytes, str, str], ...] = (
         "run `git lfs pull`",
     ),
 )
+# The same of text, in lower case, without blanks before it.
+_OTHER_TEXTS: tuple[tuple[tuple[bytes, ...], str, str], ...] = (
+    (
+        (b"<!doctype", b"<html", b"<?xml", b"<head"),
+        "a web page, perhaps an error page saved under this name",
+        "download the data again",
+    ),
+    (
+        (b'{"event"',),
+        "the journal of an exploration, with which `pushfit explore` goes on",
+        "its pushes are in peaks.csv of the result",
+    ),
+    ((b"{", b"[{", b"[["), "JSON", "export the signals as CSV"),
+)
 # Endings of files that are known by them, and of those that folders are searched for:
 # not `.log`, as programs leave logs of their own beside recordings.
 PARQUET = frozenset({".parquet", ".pq"})
@@ -180,26 +194,11 @@ def refuse_other_types(start: bytes, path: str) -> None:
             "time",
             path=path,
         )
-    for magic, what, remedy in _MAGIC:
-        if start.startswith(magic):
-            raise refuse("not_csv", f"is {what}; {remedy}", path=path)
     text = start.lstrip(codecs.BOM_UTF8).lstrip().lower()
-    if text.startswith((b"<!doctype", b"<html", b"<?xml", b"<head")):
-        raise refuse(
-            "not_csv",
-            "is a web page, perhaps an error page saved under this name; "
-            "download the data again",
-            path=path,
-        )
-    if text.startswith(b'{"event"'):
-        raise refuse(
-            "not_csv",
-            "is the journal of an exploration, with which `pushfit explore` goes on; "
-            "its pushes are in peaks.csv of the result",
-            path=path,
-        )
-    if text.startswith((b"{", b"[{", b"[[")):
-        raise refuse("not_csv", "is JSON; export the signals as CSV", path=path)
+    for begin, known in ((start, _MAGIC), (text, _OTHER_TEXTS)):
+        for magic, what, remedy in known:
+            if begin.startswith(magic):
+                raise refuse("not_csv", f"is {what}; {remedy}", path=path)
 
 
 def check_csv_name(path: str | Path) -> None:

@@ -122,11 +122,11 @@ def log_records(path: str) -> list[LogRecord]:
     Raises:
         DataError: If no line has a number that is understood (`no_rows`).
     """
-    pairs = list(_records(path, _pairs))
+    pairs = _records(path, _pairs)
     n_pairs = sum(1 for record in pairs if record.numbers)
     if n_pairs and n_pairs >= _FEW * sum(1 for _ in _lines(path)):
         return pairs
-    others = list(_records(path, _sentences))
+    others = _records(path, _sentences)
     records = pairs if n_pairs and n_pairs >= _FEW * len(others) else others
     if not records:
         raise _not_understood(path)
@@ -140,34 +140,32 @@ def _lines(path: str) -> Iterator[str]:
 
 def _records(
     path: str, read: Callable[[str, bool, LogRecord], str | None]
-) -> Iterator[LogRecord]:
+) -> list[LogRecord]:
     """What is told of each moment; a value may be on the line below its name.
 
     Args:
         read: Puts the numbers of a text into a record, and gives the name of one that
             is to come. It is told whether a line of the log begins with the text.
     """
-    record: LogRecord | None = None
+    records: list[LogRecord] = []
     waiting: str | None = None
     for place, line in enumerate(_lines(path), 1):
         match = _LOG.match(line)
         text = line.strip() if match is None else match["text"].strip()
         if match is not None:
             now = _seconds(match)
-            if record is None or now != record.time_s:
-                if record is not None and (record.numbers or record.words):
-                    yield record
-                record = LogRecord(line=place, at=place, time_s=now)
-        if record is None:
+            if not records or now != records[-1].time_s:
+                records.append(LogRecord(line=place, at=place, time_s=now))
+        if not records:
             continue
+        record = records[-1]
         record.at = place
         if waiting is not None and re.fullmatch(VALUE, text):
             record.put(waiting, text)
             waiting = None
             continue
         waiting = read(text, match is not None, record) or waiting
-    if record is not None and (record.numbers or record.words):
-        yield record
+    return [record for record in records if record.numbers or record.words]
 
 
 def _pairs(text: str, begins: bool, record: LogRecord) -> str | None:
@@ -270,7 +268,7 @@ def echo_records(path: str, *, bare: str = "value") -> list[LogRecord]:
     Raises:
         DataError: If none has (`no_rows`).
     """
-    messages = list(_messages(path, bare))
+    messages = _messages(path, bare)
     if not any(message.numbers for message in messages):
         raise refuse(
             "no_rows",
@@ -281,23 +279,24 @@ def echo_records(path: str, *, bare: str = "value") -> list[LogRecord]:
     return messages
 
 
-def _messages(path: str, bare: str) -> Iterator[LogRecord]:
+def _messages(path: str, bare: str) -> list[LogRecord]:
     """What each message holds, by the path that leads there."""
+    messages: list[LogRecord] = []
     message: LogRecord | None = None
     above: list[tuple[int, str]] = []
     counts: Counter[str] = Counter()
     with open(path, encoding="utf-8", errors="replace") as file:
         for place, line in enumerate(file, 1):
             if line.startswith(_END):
-                if message is not None:
-                    yield message
                 message, above, counts = None, [], Counter()
                 continue
             match = _LINE.match(line.rstrip("\n"))
             # A last line without its end may be cut inside a number.
             if match is None or not line.endswith("\n"):
                 continue
-            message = message or LogRecord(line=place, at=place)
+            if message is None:
+                message = LogRecord(line=place, at=place)
+                messages.append(message)
             message.at = place
             depth = len(match["indent"])
             if match["dash"]:
@@ -311,8 +310,7 @@ def _messages(path: str, bare: str) -> Iterator[LogRecord]:
                 above = [(d, step) for d, step in above if d < depth]
                 above.append((depth, match["key"]))
             _put(message, _joined(above) or bare, match["value"])
-    if message is not None:
-        yield message
+    return messages
 
 
 def _put(message: LogRecord, name: str, value: str) -> None:

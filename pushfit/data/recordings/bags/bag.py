@@ -237,12 +237,8 @@ def _merged(
         times[topic], origin = clock.times()
         notes.append(f"{topic}: time from the {origin}")
     if len(times) == 1:
-        time = next(iter(times.values()))
-        return (
-            time,
-            {f.name: np.array(f.values, dtype=float) for f in fields},
-            (*notes,),
-        )
+        series = {f.name: np.array(f.values, dtype=float) for f in fields}
+        return next(iter(times.values())), series, tuple(notes)
     for topic, own in times.items():
         wrong = np.flatnonzero(np.diff(own) <= 0)
         if wrong.size:
