@@ -533,7 +533,7 @@ def test_what_the_likelihood_leaves_open_is_not_learned(determined, pieces, verd
 def test_heavy_tails_hide_nothing_that_shows_more(monkeypatch, code, p_value, is_told):
     """Of noise that is not normal less is asked, as where a model is rejected."""
     shown = (Violation(code=code, p_value=p_value, text=""),)
-    monkeypatch.setattr(fitted_module, "violations", lambda *fitted: shown)
+    monkeypatch.setattr(fitted_module, "violations", lambda *_, slopes: shown)
     fitted = fit_table(heavy_tailed(), config(CHOSEN + FRICTION_ONLY))
     codes = [warning.code for warning in fitted.warnings]
     assert "student_t_chosen" in codes

@@ -178,7 +178,7 @@ def test_of_effects_that_tell_about_as_much_it_is_an_offset():
     """By heights that are nearly alike gains are a little likelier, if at all."""
     clean = case_table(CASES["firm"], theta_deg=SEVEN_DEG)
     direction, repeat = both_ways(clean)
-    rng, ways, chances = np.random.default_rng(5), (direction, repeat), []
+    rng, chances = np.random.default_rng(5), []
     for _ in range(20):
         heights = (1 + direction / 50) * (1 + 0.02 * (GAIN[repeat] - 1))
         heights = heights + 5e-4 * rng.standard_normal(heights.size)
@@ -186,7 +186,8 @@ def test_of_effects_that_tell_about_as_much_it_is_an_offset():
         mean = (np.bincount(direction, heights) / np.bincount(direction))[direction]
         noise = np.ones(heights.size)
         of_gain, of_offset = (
-            repeat_p_value(heights, size, noise, *ways) for size in (mean, noise)
+            repeat_p_value(heights, size, noise, direction=direction, repeat=repeat)
+            for size in (mean, noise)
         )
         kind, chance = repeat_effect(table)
         is_plain = of_gain < 0.1 * of_offset
