@@ -122,8 +122,7 @@ def identify_batch(
         name: None if file is None else Path(file) for name, file in companions.items()
     }
     found = find_inputs(inputs, out=folder, common=common.values())
-    planner = Planner(**common, seed=seed, engine=engine)
-    plan = planner.plan(found.paths)
+    plan = Planner(**common, seed=seed, engine=engine).plan(found.paths)
     if not (plan.items or plan.failures):
         raise DataError(
             f"{' '.join(map(str, inputs))}: no recording or table there; name files, "
@@ -136,14 +135,13 @@ def identify_batch(
         # Of duplicates the first by name; the others share its result.
         unique = {item.key: item for item in reversed(plan.items)}
         missing = [item for key, item in unique.items() if store.get(key) is None]
-        work = partial(identify_chunk, engine=engine, identify=identify)
         failed: dict[str, ItemFailure] = {}
         if missing:
             stages = "; ".join(stages_of(missing[0].config, engine))
             with loaded_ahead(stages, is_here=workers.is_here) as known:
                 report("identifying" if known else COMPILING, 0.0)
                 failed = _worked(
-                    work,
+                    partial(identify_chunk, engine=engine, identify=identify),
                     workers.chunks(missing),
                     workers,
                     save=store.save,

@@ -58,6 +58,8 @@ SELDOM = (
     *("scipy.spatial", "dask"),
 )
 # What the package itself defines, apart from its lazy names.
+# Of a function without its docstring.
+MAX_LINES = 60
 FACADE = {"pushfit.__version__"}
 FILES = [path for path in sorted(PACKAGE.rglob("*.py")) if path.parent != PACKAGE]
 FILES += [path for path in sorted(PACKAGE.glob("*.py")) if path.stem != "__init__"]
@@ -246,3 +248,20 @@ def test_public_functions_take_at_most_three_arguments_without_their_names():
         if len([a for a in function.args.args if a.arg not in ("self", "cls")]) > 3
     }
     assert many == set()
+
+
+def body_length(function: ast.FunctionDef) -> int:
+    """Lines after its docstring."""
+    has_doc = ast.get_docstring(function) is not None
+    body = function.body[has_doc:] or function.body
+    return (body[-1].end_lineno or 0) - body[0].lineno + 1
+
+
+def test_no_function_is_longer_than_its_idea():
+    long = {
+        f"{module_name(path)}.{node.name}: {body_length(node)}"
+        for path in FILES
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.FunctionDef) and body_length(node) > MAX_LINES
+    }
+    assert long == set()

@@ -142,13 +142,9 @@ def explore(
             has_forces=asked.has_forces(settings), theta_deg=settings.reach.theta_deg
         )
     else:
-        from pushfit.explore.hands.simulated import (
-            check_normal,
-            joints_stated,
-            simulated_hand,
-        )
+        from pushfit.explore.hands import simulated as simulation
 
-        settings = joints_stated(settings)
+        settings = simulation.joints_stated(settings)
         held_by = str(truth or "the grasp of the example, as no --truth is given")
         held = read_config(truth or example_folder() / "truth.toml")
         if "reach" not in held.model_fields_set:
@@ -158,9 +154,9 @@ def explore(
         made_by |= {"noise": noise, "scatter": scatter}
         made_by["truth"] = held.model_dump(mode="json", exclude_none=True)
         normal = settings.peaks.normal or "fz"
-        check_normal(normal)
+        simulation.check_normal(normal)
         with placed_in(held_by, only=ConfigError):
-            finger = simulated = simulated_hand(
+            finger = simulated = simulation.simulated_hand(
                 held,
                 theta_deg=settings.reach.theta_deg,
                 unit=sensor,
@@ -202,7 +198,6 @@ def _run(
     from pushfit.config import template
     from pushfit.explore.advice import with_next_push
     from pushfit.explore.loop import explore as run
-    from pushfit.explore.records import Answer
     from pushfit.fit.identify.identify_table import identify_table
     from pushfit.fit.results import FitStatus
     from pushfit.report.answers import ANSWERS
@@ -216,13 +211,13 @@ def _run(
     settings = explorer.question.settings
     with watched(session) as watch:
         state = run(explorer, finger, settings=settings.peaks, watch=watch)
-    table, history = explorer.table, explorer.history
+    table = explorer.table
     if table is None:
         again = (
             "put it right, and the same command goes on; for other limits remove "
             f"{journal}, or give another --out"
         )
-        if history.is_over:
+        if explorer.history.is_over:
             again = f"remove {journal}, or give another --out"
         raise ConfigError(
             f"{state.sentence}; without a push of full length there is no result to "
@@ -246,20 +241,7 @@ def _run(
     )
     session.wrote(out)
     session.warn_of(found.warnings)
-    if history.stopped is None or history.is_over:
-        journal.unlink()
-        if state.answer is Answer.OUT_OF_BUDGET:
-            session.say(
-                f"to go on with this grasp, copy {out / JOURNAL} to {journal}, and "
-                "give the same command a larger --budget, and --force; or ask "
-                f"`pushfit next {out / 'peaks.csv'} --config {out / SETTINGS}`, "
-                "with the same --ask, --width, --sigma and --max-force"
-            )
-    else:
-        session.say(
-            f"put it right, and the same command with --force goes on with {journal}; "
-            "other limits need another --out"
-        )
+    _say_what_next(session, explorer, journal=journal, out=out)
     if json:
         session.answer({**summary_dict(found), "exploration": state_dict(state)})
     else:
@@ -267,6 +249,30 @@ def _run(
         for name in explorer.question.ask:
             print(f"Identified from all pushes: {ANSWERS[name](found).sentence}")
     return 0 if found.status is FitStatus.OK else FitError.exit_code
+
+
+def _say_what_next(
+    session: CommandSession, explorer: "Explorer", *, journal: Path, out: Path
+) -> None:
+    """How an exploration goes on; the journal of one that is over is removed."""
+    from pushfit.explore.records import Answer
+    from pushfit.report.store.output_folder import JOURNAL, SETTINGS
+
+    history = explorer.history
+    if history.stopped is not None and not history.is_over:
+        session.say(
+            f"put it right, and the same command with --force goes on with {journal}; "
+            "other limits need another --out"
+        )
+        return
+    journal.unlink()
+    if explorer.state.answer is Answer.OUT_OF_BUDGET:
+        session.say(
+            f"to go on with this grasp, copy {out / JOURNAL} to {journal}, and "
+            "give the same command a larger --budget, and --force; or ask "
+            f"`pushfit next {out / 'peaks.csv'} --config {out / SETTINGS}`, "
+            "with the same --ask, --width, --sigma and --max-force"
+        )
 
 
 @contextmanager

@@ -59,20 +59,9 @@ def find_extents(view: View) -> tuple[Extent, ...]:
     """Find all humps that rise from rest and return to it, in order of time."""
     if view.noise.sigma == 0.0 or len(view.signal) < 5:
         return ()
-    time, tau = view.time, view.smoothing or FIRST_SMOOTHING
-    found, is_low, is_rest, wander = search_humps(view, tau=tau)
+    time, (found, is_low, is_rest) = view.time, _searched(view)
     if found.start.size == 0:
         return ()
-    # A step shows no width: what never comes, or never falls, to half of its height.
-    is_open = (found.half_up <= found.start) | (found.half_down >= found.end)
-    has_width = ~is_low & ~(is_open & _are_long(found, is_open | is_low, time))
-    if view.smoothing is None and has_width.any():
-        wider = float(np.median(found.width[has_width])) / WIDTH_PER_SMOOTHING
-        if wider > _LONGER * tau:
-            wide = search_humps(view, tau=wider, wander=wander)
-            # What is lost to averaging stands out without it.
-            if _n_large(wide[0], wide[1]) >= _n_large(found, is_low):
-                found, is_low, is_rest, _ = wide
     # A hump that is too low is no part of a push.
     is_rest |= is_low | np.append(is_low[1:], True)
     feet, whose = _resolved(view, found, is_rest)
@@ -122,6 +111,25 @@ def find_extents(view: View) -> tuple[Extent, ...]:
     ]
     pushes += [replace(e, is_brush=e.is_brush or e.height < smallest) for e in beyond]
     return tuple(sorted(pushes, key=lambda push: push.t_peak))
+
+
+def _searched(
+    view: View,
+) -> tuple[Feet[np.ndarray], Bool[np.ndarray, " p"], Bool[np.ndarray, " p"]]:
+    """Humps as `search_humps` has them, averaged over a share of their usual width."""
+    tau = view.smoothing or FIRST_SMOOTHING
+    found, is_low, is_rest, wander = search_humps(view, tau=tau)
+    # A step shows no width: what never comes, or never falls, to half of its height.
+    is_open = (found.half_up <= found.start) | (found.half_down >= found.end)
+    has_width = ~is_low & ~(is_open & _are_long(found, is_open | is_low, view.time))
+    if view.smoothing is None and has_width.any():
+        wider = float(np.median(found.width[has_width])) / WIDTH_PER_SMOOTHING
+        if wider > _LONGER * tau:
+            wide = search_humps(view, tau=wider, wander=wander)
+            # What is lost to averaging stands out without it.
+            if _n_large(wide[0], wide[1]) >= _n_large(found, is_low):
+                found, is_low, is_rest, _ = wide
+    return found, is_low, is_rest
 
 
 def _beyond_steps(view: View, steps: Feet[np.ndarray], *, least: float) -> list[Extent]:

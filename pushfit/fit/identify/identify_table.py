@@ -5,7 +5,7 @@ all start from `identify_table`. Excluded: how each is answered (`pushfit.fit.pr
 `pushfit.fit.sweep`, `pushfit.fit.assess`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -47,6 +47,7 @@ from pushfit.fit.results import (
     LikelihoodProfile,
     MechanicsAnswer,
     PosteriorResult,
+    Quantity,
     ResultWarning,
 )
 from pushfit.fit.results.environment import environment
@@ -129,7 +130,7 @@ def _conclude(
     is_brief: bool,
 ) -> Identification:
     """All that fit, profiles and posterior say together."""
-    prob = fitted.config.report.prob
+    prob, problem = fitted.config.report.prob, fitted.setup.problem
     theta_c = angle_quantity("theta_c", posterior, profiles.get("theta_c"), prob=prob)
     parameters, combinations = quantities(
         fitted.setup,
@@ -139,22 +140,13 @@ def _conclude(
         unit=fitted.table.unit,
         with_sets=not is_brief,
     )
-    problem = fitted.setup.problem
     left_out = unpredicted(
         fitted.setup, fitted.fit, reference_alpha=fitted.reference_alpha
     )
-    goodness = goodness_of_fit(
-        fitted.table,
-        fitted.fit,
-        fitted.setup.noise,
-        seed=seed,
-        predictive=predictive_checks(fitted.table, fitted.setup, posterior, seed=seed),
-        contradicted=contradicted_quantities(posterior.samples, profiles, prob=prob),
-        left_out=left_out,
-        is_scattered=fitted.is_scattered,
-        likelihood=fitted.setup.problem.likelihood,
+    contradicted = contradicted_quantities(posterior.samples, profiles, prob=prob)
+    goodness, reading = _judged(
+        fitted, posterior, seed=seed, contradicted=contradicted, left_out=left_out
     )
-    goodness, reading = _read_otherwise(fitted, posterior, goodness, seed=seed)
     found = Identification(
         table=fitted.table,
         used=fitted.table.is_used,
@@ -164,15 +156,7 @@ def _conclude(
         by_mechanics=(mechanics_answer(fitted, posterior, theta_c), *others),
         theta_c=theta_c,
         reference_alpha_deg=float(np.degrees(fitted.reference_alpha)),
-        alpha_star=angle_quantity(
-            "alpha_star",
-            posterior,
-            profiles.get("alpha_star"),
-            prob=prob,
-            is_axis=fitted.config.reach.is_whole,
-            by_draws="f1" in problem.data_names
-            and "alpha_star" not in imposable(problem),
-        ),
+        alpha_star=_alpha_star(fitted, posterior, profiles),
         alpha_star_model_free=model_free_direction(
             fitted.table, reach=fitted.config.reach, prob=prob, seed=seed
         ),
@@ -206,13 +190,46 @@ def _conclude(
     return _with_words(fitted, reported(found), left_out, is_brief=is_brief)
 
 
-def _read_otherwise(
-    fitted: Fitted, posterior: PosteriorResult, goodness: GoodnessOfFit, *, seed: int
+def _alpha_star(
+    fitted: Fitted,
+    posterior: PosteriorResult,
+    profiles: Mapping[str, LikelihoodProfile],
+) -> Quantity:
+    """The best push direction; by draws where no fit can be held at one."""
+    problem = fitted.setup.problem
+    return angle_quantity(
+        "alpha_star",
+        posterior,
+        profiles.get("alpha_star"),
+        prob=fitted.config.report.prob,
+        is_axis=fitted.config.reach.is_whole,
+        by_draws="f1" in problem.data_names and "alpha_star" not in imposable(problem),
+    )
+
+
+def _judged(
+    fitted: Fitted,
+    posterior: PosteriorResult,
+    *,
+    seed: int,
+    contradicted: Sequence[str],
+    left_out: tuple[LeftOut, ...],
 ) -> tuple[GoodnessOfFit, ResultWarning | None]:
     """The goodness of a fit in view of other readings of the table, and the best one.
 
     None is looked for where nothing is strange, or the table cannot be right anyway.
     """
+    goodness = goodness_of_fit(
+        fitted.table,
+        fitted.fit,
+        fitted.setup.noise,
+        seed=seed,
+        predictive=predictive_checks(fitted.table, fitted.setup, posterior, seed=seed),
+        contradicted=contradicted,
+        left_out=left_out,
+        is_scattered=fitted.is_scattered,
+        likelihood=fitted.setup.problem.likelihood,
+    )
     # Without a stated noise, or repeats, any table is adequate.
     is_strange = (
         goodness.p_value is None
