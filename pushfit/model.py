@@ -13,6 +13,10 @@ References:
 import numpy as np
 
 from pushfit.arguments import checked
+from pushfit.mechanics.combinations import contact as contact
+from pushfit.mechanics.combinations import rolling_limits as rolling_limits
+from pushfit.mechanics.combinations import support_stiffness as support_stiffness
+from pushfit.mechanics.combinations import tangential_stiffness as tangential_stiffness
 from pushfit.mechanics.containers import Channels as Channels
 from pushfit.mechanics.containers import Contact as Contact
 from pushfit.mechanics.containers import Forces as Forces
@@ -22,10 +26,6 @@ from pushfit.mechanics.containers import Pushes as Pushes
 from pushfit.mechanics.containers import Scalar as Scalar
 from pushfit.mechanics.containers import Vector as Vector
 from pushfit.mechanics.containers import as_float as as_float
-from pushfit.mechanics.containers import contact as contact
-from pushfit.mechanics.containers import rolling_limits as rolling_limits
-from pushfit.mechanics.containers import support_stiffness as support_stiffness
-from pushfit.mechanics.containers import tangential_stiffness as tangential_stiffness
 from pushfit.mechanics.containers import unit_vector as unit_vector
 from pushfit.mechanics.numerics import norm2
 from pushfit.mechanics.ranges import check_together

@@ -9,15 +9,8 @@ Excluded: priors and data.
 import equinox as eqx
 import jax.numpy as jnp
 
-from pushfit.mechanics.containers import (
-    Contact,
-    Parameters,
-    Scalar,
-    anisotropy_stretch,
-    as_float,
-    contact,
-    support,
-)
+from pushfit.mechanics.combinations import anisotropy_stretch, contact, support
+from pushfit.mechanics.containers import Contact, Parameters, Scalar, as_float
 from pushfit.mechanics.numerics import norm2
 
 
@@ -74,7 +67,7 @@ def parameters(coords: Coordinates) -> Parameters:
 
         K_sn = A (1 + r),   K_dn = A (1 + 1/r)
 
-    The others follow as in `pushfit.mechanics.containers.support`.
+    The others follow as in `pushfit.mechanics.combinations.support`.
 
     Returns:
         Stiffnesses above A and B [N/m], C_rr [-], C_d [N·m/rad] and L [m], all

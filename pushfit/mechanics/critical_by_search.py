@@ -12,15 +12,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from pushfit.mechanics.containers import (
-    Contact,
-    Grasp,
-    Parameters,
-    Pushes,
-    Vector,
-    contact,
-    rolling_limits,
-)
+from pushfit.mechanics.combinations import contact, rolling_limits
+from pushfit.mechanics.containers import Contact, Grasp, Parameters, Pushes, Vector
 from pushfit.mechanics.numerics import norm2
 from pushfit.mechanics.roots import falling_root
 

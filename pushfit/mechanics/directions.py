@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 
 from pushfit.arguments import checked
 from pushfit.errors import ConfigError
+from pushfit.mechanics.combinations import contact, tangential_stiffness
 from pushfit.mechanics.containers import (
     Contact,
     Grasp,
@@ -17,8 +18,6 @@ from pushfit.mechanics.containers import (
     Pushes,
     Scalar,
     as_float,
-    contact,
-    tangential_stiffness,
     unit_vector,
 )
 from pushfit.mechanics.numerics import norm2

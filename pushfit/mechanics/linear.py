@@ -10,6 +10,12 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from pushfit.mechanics.combinations import (
+    contact,
+    rolling_limits,
+    support_stiffness,
+    tangential_stiffness,
+)
 from pushfit.mechanics.containers import (
     Contact,
     Forces,
@@ -18,10 +24,6 @@ from pushfit.mechanics.containers import (
     Pushes,
     Scalar,
     Vector,
-    contact,
-    rolling_limits,
-    support_stiffness,
-    tangential_stiffness,
     unit_vector,
 )
 from pushfit.mechanics.numerics import norm2, softclip

@@ -11,7 +11,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from pushfit.fit.problem.priors.distributions import Prior
-from pushfit.mechanics.containers import support
+from pushfit.mechanics.combinations import support
 from pushfit.model import Contact, Grasp, Parameters, Scalar, contact
 
 NamedScalars = Mapping[str, Scalar]

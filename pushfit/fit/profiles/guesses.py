@@ -12,7 +12,7 @@ from jaxtyping import Float
 from pushfit.fit.problem.constraint_terms import held_values
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.sweep.outer_nodes import SHAPES
-from pushfit.mechanics.containers import contact
+from pushfit.mechanics.combinations import contact
 
 # C_rr, or B/A where C_rr follows from θ_c: their basins are decades wide.
 RATIOS = np.log([0.03, 0.3, 3.0])

@@ -32,7 +32,7 @@ from pushfit.fit.sweep.sheet import (
     prior_given,
 )
 from pushfit.fit.sweep.target import SMALLEST_SLOPE, Expansion, Target
-from pushfit.mechanics.containers import anisotropy_stretch
+from pushfit.mechanics.combinations import anisotropy_stretch
 from pushfit.mechanics.numerics import norm2
 from pushfit.model import Scalar
 from pushfit.parameters import TINY

@@ -19,7 +19,8 @@ from pushfit.fit.problem.repeats.pooling import Pooled
 from pushfit.fit.problem.slopes import with_slopes
 from pushfit.fit.sweep.coordinate_roles import Roles
 from pushfit.fit.sweep.likelihood import log_likelihood, noise_terms
-from pushfit.mechanics.containers import contact, tangential_stiffness, unit_vector
+from pushfit.mechanics.combinations import contact, tangential_stiffness
+from pushfit.mechanics.containers import unit_vector
 from pushfit.mechanics.numerics import norm2
 from pushfit.model import Scalar
 

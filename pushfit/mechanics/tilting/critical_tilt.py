@@ -13,15 +13,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from pushfit.mechanics.combinations import contact, rolling_limits, tangential_stiffness
 from pushfit.mechanics.containers import (
     Contact,
     Grasp,
     Parameters,
     Scalar,
     Vector,
-    contact,
-    rolling_limits,
-    tangential_stiffness,
     unit_vector,
 )
 from pushfit.mechanics.numerics import norm2

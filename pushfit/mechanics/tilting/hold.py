@@ -7,14 +7,8 @@ tilt is in equilibrium (`pushfit.mechanics.tilting.one_support`).
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from pushfit.mechanics.containers import (
-    Contact,
-    Grasp,
-    Scalar,
-    Vector,
-    support,
-    tangential_compliance,
-)
+from pushfit.mechanics.combinations import support, tangential_compliance
+from pushfit.mechanics.containers import Contact, Grasp, Scalar, Vector
 from pushfit.mechanics.numerics import sine_versine
 
 

@@ -20,6 +20,7 @@ from collections.abc import Callable
 
 import jax.numpy as jnp
 
+from pushfit.mechanics.combinations import contact
 from pushfit.mechanics.containers import (
     Contact,
     Forces,
@@ -28,7 +29,6 @@ from pushfit.mechanics.containers import (
     Pushes,
     Scalar,
     Vector,
-    contact,
 )
 from pushfit.mechanics.numerics import (
     Sharpness,

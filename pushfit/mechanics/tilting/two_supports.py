@@ -34,6 +34,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Complex, Float, Int
 
+from pushfit.mechanics.combinations import contact, rolling_limits
 from pushfit.mechanics.containers import (
     Contact,
     Forces,
@@ -42,8 +43,6 @@ from pushfit.mechanics.containers import (
     Pushes,
     Scalar,
     Vector,
-    contact,
-    rolling_limits,
 )
 from pushfit.mechanics.numerics import (
     Sharpness,

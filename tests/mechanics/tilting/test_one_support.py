@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pushfit import model
-from pushfit.mechanics.containers import support
+from pushfit.mechanics.combinations import support
 from pushfit.mechanics.directions import critical_angle
 from pushfit.mechanics.linear import linear_critical_angle
 from pushfit.mechanics.tilting.one_support import (
