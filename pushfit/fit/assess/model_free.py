@@ -71,13 +71,14 @@ def model_free_direction(
         draws, least = (axis_within(a, *reach.alpha_deg) for a in (draws, least))
     is_round = _amplitude_may_vanish(wave, spread, dof=dof, prob=prob)
     interval = equal_tailed_interval(draws, prob, is_axis=is_axis)
+    sets = highest_density_set(draws, prob, is_axis=is_axis, has_ends=not is_axis)
     return Quantity(
         name="alpha_star_model_free",
         unit="deg",
         estimate=None if is_round else median(least, is_axis=is_axis),
         interval=None if is_round else interval,
         prob=prob,
-        sets=() if is_round else highest_density_set(draws, prob, is_axis=is_axis),
+        sets=() if is_round else sets,
         likelihood_sets=(),
         verdict=Verdict.NOT_DETERMINED if is_round else Verdict.DETERMINED,
         contraction=None,

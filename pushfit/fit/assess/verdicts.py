@@ -83,11 +83,14 @@ def angle_quantity(
     draws = posterior.samples.get(name)
     sets, interval, estimate, note = (), None, None, ""
     if draws is not None:
-        found = highest_density_set(draws, prob, is_axis=is_axis)
-        before = _width_before(posterior.prior_samples[name].tobytes(), prob, is_axis)
-        if by_draws and before > 0:
+        has_ends = name == "alpha_star" and not is_axis
+        found = highest_density_set(draws, prob, is_axis=is_axis, has_ends=has_ends)
+        before = _set_before(
+            posterior.prior_samples[name].tobytes(), prob, is_axis, has_ends
+        )
+        if by_draws and _is_open(before):
             verdict = verdict_of(found)
-        if before > 0 and 1 - _width(found) / before < ASSUMED:
+        if _is_open(before) and not _is_narrowed(found, before):
             verdict = Verdict.NOT_DETERMINED
         never = float(np.mean(np.isnan(draws)))
         if never >= prob:
@@ -194,10 +197,26 @@ def _contraction(name: str, posterior: PosteriorResult) -> float | None:
 
 
 @functools.lru_cache(maxsize=256)
-def _width_before(draws: bytes, prob: float, is_axis: bool) -> float:
-    """Width of the prior's set of an angle; many tables share their prior's draws."""
+def _set_before(
+    draws: bytes, prob: float, is_axis: bool, has_ends: bool
+) -> tuple[Piece, ...]:
+    """The prior's set of an angle; many tables share their prior's draws."""
     values = np.frombuffer(draws, dtype=float)
-    return _width(highest_density_set(values, prob, is_axis=is_axis))
+    return highest_density_set(values, prob, is_axis=is_axis, has_ends=has_ends)
+
+
+def _is_open(before: tuple[Piece, ...]) -> bool:
+    """Whether the prior leaves more than one value."""
+    return len(before) > 1 or _width(before) > 0
+
+
+def _is_narrowed(found: tuple[Piece, ...], before: tuple[Piece, ...]) -> bool:
+    """Whether the data make a set that is open much smaller."""
+    width = _width(before)
+    if width > 0:
+        return 1 - _width(found) / width >= ASSUMED
+    # Both ends of a short reach, and no width between them.
+    return len(found) < len(before)
 
 
 def _width(pieces: tuple[Piece, ...]) -> float:

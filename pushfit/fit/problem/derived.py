@@ -19,8 +19,8 @@ from pushfit.parameters import HALF_TURN, SIX
 
 # Data coordinates of one call.
 N_POINTS = 128
-# A density estimate has fewer bumps than this.
-MAX_PIECES = 100
+# A density estimate has fewer bumps than this, and as many bins.
+MAX_PIECES, N_BINS = 100, 512
 
 
 def samples_mapping(
@@ -179,40 +179,87 @@ def _quantiles(
 
 
 def highest_density_set(
-    samples: Float[np.ndarray, " n"], prob: float, *, is_axis: bool = False
+    samples: Float[np.ndarray, " n"],
+    prob: float,
+    *,
+    is_axis: bool = False,
+    has_ends: bool = False,
 ) -> tuple[Piece, ...]:
     """Smallest set with the given probability, in as many pieces as it needs.
 
     Args:
         samples: Draws; NaN is left out.
         is_axis: Whether the draws are azimuths of period 180° [deg].
+        has_ends: Whether many draws may be one and the same, the lowest or the highest,
+            as best directions beyond a reach are.
 
     Returns:
-        Pieces, ascending; for an axis each as in `equal_tailed_interval`.
+        Pieces, ascending; for an axis each as in `equal_tailed_interval`. An end that
+        many draws are at is a piece without width, or the end of one.
     """
-    from arviz_stats.base.array import array_stats  # noqa: PLC0415 - slow to load
-
     finite = samples[np.isfinite(samples)]
     if finite.size == 0 or np.ptp(finite) == 0:
         return ()
     if is_axis:
-        centre, finite = unwrapped(finite)
+        centre, offsets = unwrapped(finite)
+        pieces = _densest(offsets, prob)
+        starts = np.mod(centre + pieces[:, 0], HALF_TURN)
+        widths = pieces[:, 1] - pieces[:, 0]
+        return tuple(
+            (float(start), float(start + width))
+            for start, width in sorted(zip(starts, widths, strict=True))
+        )
+    if has_ends:
+        return _with_ends(finite, prob)
+    return tuple((float(low), float(high)) for low, high in _densest(finite, prob))
+
+
+def _with_ends(finite: Float[np.ndarray, " n"], prob: float) -> tuple[Piece, ...]:
+    """The smallest set of draws of which many may be the lowest or the highest one.
+
+    A point has no width: it comes before any density. One that fewer draws are at than
+    an interval leaves out on a side is no more than a tail.
+    """
+    shares = {
+        end: float(np.mean(finite == end)) for end in (finite.min(), finite.max())
+    }
+    points: list[float] = []
+    left = prob
+    for end in sorted(shares, key=lambda end: -shares[end]):
+        if left > 0 and shares[end] >= (1 - prob) / 2:
+            points.append(float(end))
+            left -= shares[end]
+    rest = finite[~np.isin(finite, points)]
+    pieces: list[list[float]] = []
+    if left > 0 and np.ptp(rest) > 0:
+        pieces = _densest(rest, left * finite.size / rest.size).tolist()
+    bin_width = np.ptp(finite) / N_BINS
+    for point in points:
+        beside = [p for p in pieces if min(abs(e - point) for e in p) < 2 * bin_width]
+        for piece in beside:
+            piece[:] = min(point, *piece), max(point, *piece)
+        if not beside:
+            pieces.append([point, point])
+    return tuple((low, high) for low, high in sorted(pieces))
+
+
+def _densest(draws: Float[np.ndarray, " n"], prob: float) -> Float[np.ndarray, "k 2"]:
+    """Ends of the pieces in which the density of draws is highest."""
+    from arviz_stats.base.array import array_stats  # noqa: PLC0415 - slow to load
+
     # Draws of equal weight repeat, which any other bandwidth takes for narrow modes.
-    bandwidth = array_stats.get_bw(np.unique(finite), bw="isj")
+    bandwidth = array_stats.get_bw(np.unique(draws), bw="isj")
     pieces = array_stats.hdi(
-        finite, prob=prob, method="multimodal", max_modes=MAX_PIECES, bw=bandwidth
+        draws,
+        prob=prob,
+        method="multimodal",
+        max_modes=MAX_PIECES,
+        bw=bandwidth,
+        grid_len=N_BINS,
     )
     pieces = np.asarray(pieces).reshape(-1, 2)
     # Unused places are NaN, and a single bin of the density has no width.
-    pieces = pieces[pieces[:, 0] < pieces[:, 1]]
-    if not is_axis:
-        return tuple((float(low), float(high)) for low, high in pieces)
-    starts = np.mod(centre + pieces[:, 0], HALF_TURN)
-    widths = pieces[:, 1] - pieces[:, 0]
-    return tuple(
-        (float(start), float(start + width))
-        for start, width in sorted(zip(starts, widths, strict=True))
-    )
+    return pieces[pieces[:, 0] < pieces[:, 1]]
 
 
 def axis_within(

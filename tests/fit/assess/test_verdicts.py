@@ -33,13 +33,14 @@ def judged(
     *,
     before: np.ndarray = WIDE,
     by_draws: bool = False,
+    name: str = "theta_c",
 ) -> Quantity:
-    """θ_c by draws and, unless there are none, by a likelihood set."""
-    posterior = posterior_of({"theta_c": draws}, {"theta_c": before})
+    """An angle by draws and, unless there are none, by a likelihood set."""
+    posterior = posterior_of({name: draws}, {name: before})
     profile = None
     if pieces is not None:
         profile = LikelihoodProfile(
-            name="theta_c",
+            name=name,
             unit="deg",
             values=np.zeros(0),
             delta_chi_square=np.zeros(0),
@@ -48,7 +49,7 @@ def judged(
             verdict=verdict_of(pieces),
             degrees_of_freedom=np.inf,
         )
-    return angle_quantity("theta_c", posterior, profile, prob=0.9, by_draws=by_draws)
+    return angle_quantity(name, posterior, profile, prob=0.9, by_draws=by_draws)
 
 
 @pytest.mark.parametrize(
@@ -94,6 +95,28 @@ def test_draws_alone_tell_where_there_is_no_profile_to_be_had(
     by_draws, before, verdict
 ):
     assert judged(NARROW, None, before=before, by_draws=by_draws).verdict is verdict
+
+
+@pytest.mark.parametrize("by_draws", [True, False])
+@pytest.mark.parametrize(
+    ("at_lower", "verdict"),
+    [(0.0, Verdict.DETERMINED), (0.4, Verdict.NOT_DETERMINED)],
+)
+def test_one_end_of_a_short_reach_is_determined_where_draws_are_at_it(
+    at_lower, verdict, by_draws
+):
+    """One in twenty directions of the prior is within, and one in 200 afterwards."""
+    before = np.clip(25.0 + 200.0 * (SHARES - 0.5), 20.0, 30.0)
+    within = np.clip(20.0 + 10.0 * (SHARES - at_lower) / 0.005, 20.0, 30.0)
+    draws = np.where(SHARES < at_lower, 20.0, within)
+    found = judged(
+        draws,
+        None if by_draws else ((30.0, 30.0),),
+        before=before,
+        by_draws=by_draws,
+        name="alpha_star",
+    )
+    assert found.verdict is verdict
 
 
 @pytest.mark.parametrize("is_lower", [True, False])

@@ -120,6 +120,28 @@ def test_set_of_an_axis_crosses_the_seam():
     np.testing.assert_allclose([low, high], [179 - half, 179 + half], atol=3 * ENDS)
 
 
+@pytest.mark.parametrize(
+    ("at_low", "at_high", "expected"),
+    [
+        (0.0, 0.95, ((30.0, 30.0),)),
+        (0.47, 0.48, ((20.0, 20.0), (30.0, 30.0))),
+        # A third of those between is the rest: the shortest lies beside the end.
+        (0.0, 0.85, ((30.0 - np.log(1.5), 30.0),)),
+    ],
+)
+def test_end_of_a_reach_that_many_draws_are_at_has_no_width(at_low, at_high, expected):
+    """Others fall off as an exponential from the upper end; sets of 90 %."""
+    n = 20000
+    n_low, n_high = round(n * at_low), round(n * at_high)
+    n_beside = n - n_low - n_high
+    beside = 30.0 + np.log((np.arange(n_beside) + 0.5) / n_beside)
+    draws = np.r_[np.full(n_low, 20.0), beside, np.full(n_high, 30.0)]
+    found = highest_density_set(draws, 0.9, has_ends=True)
+    np.testing.assert_allclose(found, expected, atol=ENDS)
+    ends = [end for piece in found for end in piece]
+    assert {20.0, 30.0} & set(ends) == set(np.ravel(expected)) & {20.0, 30.0}
+
+
 def test_draws_without_a_critical_angle_are_left_out():
     draws = np.concatenate([draws_about(20.0, 1.0, 100), np.full(50, np.nan)])
     assert np.isfinite(equal_tailed_interval(draws, 0.9)).all()
