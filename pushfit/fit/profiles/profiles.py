@@ -36,9 +36,10 @@ from pushfit.parameters import unit_of
 UNPROFILED = ("f1", "f2", "ln_s", "ln_L", "ln_p")
 # Distance from the end of the reach that stands for none [deg].
 JUMP = 1e-6
-# Where the next value lies above so many levels, it does not tell where between them
-# the curve crosses one.
-STEEP = 100.0
+# Where sqrt(Δχ²) takes a longer step across a level, its two values do not tell where
+# between them the curve crosses it, or the search failed at one: values that are placed
+# there lie closer by far [standard deviations].
+STEEP = 1.0
 
 
 def likelihood_profiles(
@@ -150,8 +151,9 @@ def _with_crossings(
 ) -> Curve:
     """A curve with more values where it crosses a level in one steep step."""
     delta, values = curve.chi_square - np.min(curve.chi_square), curve.values
+    root = np.sqrt(delta)
     for i in np.flatnonzero(np.diff(delta <= level)):
-        if level * STEEP < np.max(delta[i : i + 2]) < np.inf:
+        if STEEP < abs(root[i + 1] - root[i]) < np.inf:
             between = np.linspace(values[i], values[i + 1], N_FIRST)
             curve = curve.joined(along(between)[0])
     return curve

@@ -25,7 +25,7 @@ from pushfit.fit.profiles.profiles import likelihood_profiles
 from pushfit.fit.results import Verdict
 from pushfit.model import Grasp
 from tests.fit.tables import case_table, setup_of, without_sd
-from tests.problems import CASES, PUSH, paper_parameters
+from tests.problems import CASES, PUSH, ellipse, paper_parameters
 from tests.tolerances import EXACT, ROUTES
 
 ALPHA = np.pi / 2
@@ -453,3 +453,24 @@ def test_pushes_along_two_supports_have_the_set_of_one_with_more_friction():
     ]
     assert len(sets[0]) == 1
     np.testing.assert_allclose(sets[1], sets[0], rtol=SAME_PROFILE)
+
+
+def test_no_push_bounds_a_critical_angle_above_all_pushes():
+    """Of an ellipse, whose last value the search of the curve may leave halfway.
+
+    Above 75° no height tells one θ_c from another, so that an end there is open.
+    """
+    theta, alpha = np.meshgrid([15, 35, 55, 75], np.arange(0.0, 136.0, 45.0) + 1e-3)
+    table = simulate_table(
+        paper_parameters(**ellipse(2.0, 160.0)),
+        Grasp(push_length=PUSH),
+        theta=np.radians(theta.ravel()),
+        alpha=np.radians(alpha.ravel()),
+        repeats=3,
+        noise=0.03,
+        rng=np.random.default_rng(1),
+    )
+    profiles = profiles_of(setup_of(without_sd(table)), alpha=np.radians(1e-3))
+    assert profiles["theta_c"].verdict is Verdict.ONE_SIDED
+    ((_, high),) = profiles["theta_c"].pieces
+    assert high is None
