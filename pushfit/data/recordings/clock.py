@@ -13,8 +13,9 @@ from pushfit.data.text.faults import MAX_LISTED, problem
 from pushfit.errors import InputProblem, stated
 
 # Tactile sensors sample at 10 Hz to 10 kHz: a step a hundred times shorter, or ten
-# thousand times longer, is in another unit; one three, or ten, may be, if of many.
+# thousand times longer, is in another unit.
 _MAX_STEP_S, _MIN_STEP_S = 1e3, 1e-6
+# One ten times longer, or three times shorter, may be, if there are so many.
 _SLOW_S, _FAST_S, _MANY = 1.0, 3e-5, 100
 # Since 1970: the year 5138. Of milliseconds that are taken for seconds it is 1973.
 _LATEST_S = 1e11

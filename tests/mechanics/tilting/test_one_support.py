@@ -187,6 +187,7 @@ def test_small_pushes_are_linear_with_an_error_that_falls_linearly(name):
     # less push, tenfold less error, but for a share of the push itself.
     ratios = np.array(errors[:-1]) / np.array(errors[1:])
     np.testing.assert_allclose(ratios[1], 10.0, rtol=NEXT_ORDER)
+    # Of the tenfold push that share is tenfold.
     np.testing.assert_allclose(ratios[0], 10.0, rtol=10 * NEXT_ORDER)
 
 
