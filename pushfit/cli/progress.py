@@ -43,7 +43,7 @@ class ProgressLines:
         self._say(f"{stage}: {100 * share:.0f} % done{left}")
 
     def tell(self, text: str) -> None:
-        """Say what is known already."""
+        """Print a sentence on what is known before the end."""
         self._say(text)
 
 
@@ -51,12 +51,12 @@ class Bar(ProgressLines):
     """The same as a bar at the foot of a terminal."""
 
     def __init__(self, bar: "Progress", say: Callable[[str], None]) -> None:
-        """Draw it empty."""
+        """Begin with an empty bar."""
         super().__init__(say)
         self._bar, self._task = bar, bar.add_task("", total=1.0)
 
     def __call__(self, stage: str, share: float) -> None:
-        """Move it."""
+        """Move the bar to a share, and name the stage beside it."""
         self._bar.update(self._task, description=stage, completed=share)
 
 

@@ -43,7 +43,7 @@ class Step:
 
 
 def nothing(step: Step) -> None:
-    """Watch without a word."""
+    """Let a step pass without telling anybody."""
 
 
 def explore(

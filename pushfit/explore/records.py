@@ -20,7 +20,7 @@ def direction_words(theta: float, alpha: float) -> str:
 
 
 class Answer(enum.Enum):
-    """Where an exploration stands."""
+    """Whether one angle is known well enough, and if not, why."""
 
     DECIDING = "deciding"
     DECIDED = "decided"

@@ -84,17 +84,17 @@ class ModelScore:
 
     @property
     def elpd_loo(self) -> float | None:
-        """Sum of the leave-one-out densities."""
+        """Sum of the log leave-one-out densities of all pushes."""
         return None if self.densities is None else float(np.sum(self.densities.elpd))
 
     @property
     def elpd_loo_se(self) -> float | None:
-        """Its standard error over pushes."""
+        """Standard error of `elpd_loo`, from its scatter over pushes."""
         return None if self.densities is None else _sum_se(self.densities.elpd)
 
     @property
     def p_loo(self) -> float | None:
-        """Effective number of parameters."""
+        """Effective number of parameters by leaving pushes out [-]."""
         return None if self.densities is None else float(np.sum(self.densities.p_loo))
 
     @property
@@ -276,7 +276,7 @@ def _refitted(fitted: Fitted, config: GraspConfig) -> Fitted:
 
 
 def _score(name: str, fitted: Fitted, seed: int) -> ModelScore:
-    """One model, not yet compared."""
+    """Score of one model, before differences to the best."""
     problem, n_pushes = fitted.setup.problem, len(fitted.setup.rows)
     posterior = draw_posterior(fitted, seed=seed, engine="auto")
     is_trusted = posterior.status is FitStatus.OK

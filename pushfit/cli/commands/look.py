@@ -109,7 +109,7 @@ class Saver:
     def __init__(
         self, session: CommandSession, recording: Path, out: Path, *, force: bool
     ) -> None:
-        """Name the files."""
+        """Name the schedule and the settings that will be written."""
         self._session, self._recording, self._force = session, recording, force
         self.schedule = out / f"{recording.stem}_schedule.csv"
         self.config = out / f"{recording.stem}_grasp.toml"

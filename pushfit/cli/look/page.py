@@ -329,7 +329,7 @@ def start_server(
 
 
 def _window(title: str) -> str:
-    """Name of the window."""
+    """Title of the browser's window."""
     return printable(f"pushfit look: {title}")
 
 

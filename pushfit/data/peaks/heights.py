@@ -102,7 +102,7 @@ class _Pushes:
     noise: RestNoise
 
     def only(self, rows: Int[np.ndarray, " r"]) -> "_Pushes":
-        """Some of the pushes."""
+        """The pushes in these rows."""
         feet, noise = rows_of(self.feet, rows), rows_of(self.noise, rows)
         return replace(rows_of(self, rows), feet=feet, noise=noise)
 

@@ -136,7 +136,7 @@ class _Tops:
 
     @functools.cached_property
     def largest(self) -> float:
-        """Of all readings [unit]."""
+        """Largest of all readings [unit]."""
         return float(self.highest.max())
 
     @functools.cached_property

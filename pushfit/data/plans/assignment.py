@@ -109,7 +109,7 @@ class _Steady:
     lead: float = LEAD
 
     def turned(self) -> "_Steady":
-        """The same from the end."""
+        """The case with time running backwards."""
         return _Steady(self.case.turned(), self.scatter, LEAD * _LATE)
 
     def forward(self) -> tuple[Float[np.ndarray, "n m"], Int[np.ndarray, "n m 2"]]:

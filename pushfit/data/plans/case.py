@@ -140,7 +140,7 @@ class Case:
         return replace(self, planned=planned, jump_scatter=scatter)
 
     def turned(self) -> "Case":
-        """The same from the end."""
+        """The case with time running backwards: last push and hump first."""
         return replace(
             self,
             times=-self.times[::-1],

@@ -34,7 +34,7 @@ class Joint:
     n_draws: int
 
     def of_labels(self, first: int, end: int) -> "Joint":
-        """That of one angle."""
+        """The part whose labels, from first to before end, are of one angle."""
         if end - first == self.table.shape[2]:
             return self
         return Joint(
@@ -147,10 +147,10 @@ def _blurred(
 
 # By products of matrices: sums over short axes in the middle take ten times as long.
 def by_label(table: Float[np.ndarray, "k y q z"]) -> Float[np.ndarray, "k q"]:
-    """Sum over readings."""
+    """Probability of each label: the sum over readings."""
     return (table @ np.ones(table.shape[3], table.dtype)).sum(axis=1)
 
 
 def by_reading(table: Float[np.ndarray, "k y q z"]) -> Float[np.ndarray, "k y z"]:
-    """Sum over labels."""
+    """Probability of each reading: the sum over labels."""
     return np.ones(table.shape[2], table.dtype) @ table

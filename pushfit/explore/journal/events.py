@@ -85,7 +85,7 @@ class History:
     reference_alpha: float | None = None
 
     def take(self, event: Event) -> None:
-        """Go on by one event."""
+        """Bring the state up to date by the next event of the journal."""
         match event["event"]:
             case "attached":
                 self.told += _adapter(list[ToldPush]).validate_python(event["rows"])

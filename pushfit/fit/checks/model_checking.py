@@ -174,7 +174,7 @@ def _failed(
     pattern: float | None,
     predictive: tuple[PredictiveCheck, ...],
 ) -> list[str]:
-    """What each failed test says."""
+    """Sentences of the tests whose p-value is below the level."""
     tests = {
         "the scatter about the fit exceeds the noise": p_value,
         "the fit misses the means of repeated pushes": lack_of_fit,

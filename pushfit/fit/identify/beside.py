@@ -18,7 +18,7 @@ Tell = Callable[[News], None]
 
 
 def at_once(news: News) -> None:
-    """Say it."""
+    """Pass on a piece of news as soon as it is there: a `Tell`."""
     news()
 
 
@@ -32,7 +32,7 @@ class Beside(Generic[T]):
     """
 
     def __init__(self, work: Callable[[Tell], T]) -> None:
-        """Begin."""
+        """Begin the work on a thread of its own."""
         self._news: SimpleQueue[News | None] = SimpleQueue()
         self._outcome: Future[T] = Future()
         Thread(target=self._run, args=(work,), daemon=True).start()

@@ -62,19 +62,19 @@ class _ByOne:
 
     @property
     def by(self) -> str:
-        """In the names of stages."""
+        """How names of stages tell this mechanics."""
         return f"by {self.config.grasp.mechanics} mechanics"
 
     def fitted(
         self, tell: Tell, searching: Callable[[Setup], None] | None = None
     ) -> Fitted:
-        """Least squares."""
+        """Best fit by least squares, told as soon as it is there."""
         fitted = fit_table(self.table, self.config, searching=searching)
         tell(partial(self.hearing.fitted, fitted))
         return fitted
 
     def measured(self, fitted: Fitted, tell: Tell) -> _Measured:
-        """Evidence and θ_c."""
+        """What a fit says of evidence and θ_c by this mechanics."""
         profiles = profiles_of(fitted, ("theta_c",))
         tell(partial(self.hearing.confined, fitted, profiles.get("theta_c")))
         swept = sweep(fitted, self.seed)
@@ -85,7 +85,7 @@ class _ByOne:
         return _Measured(fitted=fitted, swept=swept, answer=answer)
 
     def all(self, tell: Tell) -> _Measured:
-        """Both in turn."""
+        """The fit, and what it says of evidence and θ_c."""
         return self.measured(self.fitted(tell), tell)
 
 

@@ -77,7 +77,7 @@ class Fitted:
 
     @property
     def mechanics(self) -> str:
-        """By which it was fitted."""
+        """Name of the mechanics of the fit."""
         return self.setup.problem.grasp.mechanics
 
     @property
@@ -103,7 +103,7 @@ class Listener:
         """The whole likelihood was looked at, by weights still to be settled."""
 
     def fitted(self, fitted: Fitted) -> None:
-        """There is a best fit."""
+        """Hear of the best fit, before its uncertainty."""
 
     def confined(self, fitted: Fitted, theta_c: LikelihoodProfile | None) -> None:
         """There is a likelihood set of θ_c, or none."""
@@ -237,7 +237,7 @@ def draw_posterior(
 
 
 def sweep(fitted: Fitted, seed: int) -> PosteriorResult:
-    """Draws by the sweep."""
+    """Posterior of a fit by the sweep; the one it keeps for the seed, if any."""
     if seed in fitted.swept:
         return fitted.swept[seed]
     return sweep_posterior(

@@ -62,7 +62,7 @@ class Likelihoods:
     sd: Float[np.ndarray, " n"]
 
     def take(self, which: Bool[np.ndarray, " n"]) -> "Likelihoods":
-        """Some of the items."""
+        """Likelihoods of the items that are marked, in order."""
         return Likelihoods(
             nodes=self.nodes[which],
             log_weights=self.log_weights[which],

@@ -67,7 +67,7 @@ class Fits(eqx.Module):
 
     @property
     def ascending(self) -> "Fits":
-        """The same by rising values."""
+        """These fits, sorted by rising value of the quantity."""
         order = jnp.argsort(self.values)
         return jax.tree.map(lambda a: a[order], self)
 
@@ -167,7 +167,7 @@ class CurveRounds:
         return replace(self.target, angle=held[0], index=index).softened(held[1])
 
     def first(self, best: Best) -> Round:
-        """The first round."""
+        """Starts of the first round: of families, or of the curve where none are."""
         first = self._ahead(0) if self.n_ahead else self._along(best)
         return replace(first, held=self.held[0])
 
@@ -189,7 +189,7 @@ class CurveRounds:
         return met.fits.ascending, following, best
 
     def _ahead(self, way: Count) -> Round:
-        """Families begun."""
+        """Starts of the first round of families on one way."""
         return begun(self.ways[way], self.is_free_ahead)
 
     def _within(self, met: Met, best: Best) -> tuple[Round, Best]:
@@ -220,7 +220,7 @@ class CurveRounds:
         return following, best
 
     def _along(self, best: Best) -> Round:
-        """The curve begun."""
+        """Starts of the curve, at the best of the families."""
         which = jnp.sort(jnp.arange(N_VALUES) % N_FIRST)
         return begun(best[0][which], self.target.is_free)
 

@@ -91,7 +91,7 @@ def uneven_noise(
 
 
 def _root_sum(parts: Float[np.ndarray, "k c n"]) -> Float[np.ndarray, "c n"]:
-    """Parts in quadrature."""
+    """Root of the sum of squares over all parts."""
     return np.sqrt(np.sum(parts**2, axis=0))
 
 

@@ -71,7 +71,7 @@ _found: set[int] = set()
 
 
 def _hear(event: str, **_: str | int) -> None:
-    """Listen to JAX."""
+    """Note the thread whose program JAX found in its own cache."""
     if event == FOUND:
         _found.add(threading.get_ident())
 
@@ -132,12 +132,11 @@ class _Once(Generic[R]):
     """What is made when it is first asked for, by one thread for all."""
 
     def __init__(self, make: Callable[[], R]) -> None:
-        """Make nothing yet."""
         self._make, self._making = make, threading.Lock()
         self._made: list[R] = []
 
     def __call__(self) -> R:
-        """It, as soon as it is made."""
+        """What was made; the first call makes it, and others wait."""
         with self._making:
             if not self._made:
                 self._made.append(self._make())

@@ -57,7 +57,7 @@ class Run:
         moves: Sequence[tuple[Move, float]],
         n_steps: int,
     ) -> None:
-        """Append steps."""
+        """Run the ensembles on, and append their steps to the chain."""
         chain, values = advance(
             log_prob,
             self.chain[-1],
@@ -101,7 +101,7 @@ class Densities:
     """Log prior and log likelihood of many points, by one compiled program."""
 
     def __init__(self, problem: Problem) -> None:
-        """Keep the problem."""
+        """Keep the problem whose densities are asked for."""
         self.problem = problem
 
     def __call__(
@@ -138,7 +138,7 @@ def _log_densities(problem: Problem, x: Float[Array, "n p"]) -> Float[Array, "n 
 
 
 def keep_run(run: Run, path: Path, *, question: str) -> None:
-    """Write a run."""
+    """Write a run to a file, from which `resume` goes on with the same question."""
     mixture, state = run.mixture, run.random.get_state(legacy=False)
     random = (*state["state"].values(), state["has_gauss"], state["gauss"])
     parts = (mixture.weights, mixture.means, mixture.factors)

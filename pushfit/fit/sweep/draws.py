@@ -70,7 +70,7 @@ class Uniforms:
     """Numbers in (0, 1), handed out in order."""
 
     def __init__(self, values: Float[Array, " d"]) -> None:
-        """Begin with the first."""
+        """Keep the numbers; none is handed out yet."""
         self.values, self.used = values, 0
         self.scores = _score(values)
 
@@ -91,12 +91,12 @@ def _score(share: Float[Array, "*n"]) -> Float[Array, "*n"]:
 
 
 def n_uniforms(target: Target) -> int:
-    """Numbers that a draw takes at most."""
+    """Largest count of uniform numbers that one draw uses up."""
     return 5 + len(target.pooled.problem.names)
 
 
 def draw(target: Target, sheet: Sheet, uniform: Float[Array, " d"]) -> Draw:
-    """One draw.
+    """One draw, made of uniform numbers.
 
     Args:
         uniform: As many numbers in (0, 1) as `n_uniforms` says.

@@ -240,7 +240,7 @@ def _moments(
 def _outer(
     problem: Problem, x: Float[Array, "n p"], reference_alpha: Float[Array, ""]
 ) -> Float[Array, " n"]:
-    """U of draws."""
+    """Outer coordinate u of each draw, as `outer_of` defines it."""
 
     def one(row: Float[Array, " p"]) -> Float[Array, ""]:
         z = dict(zip(problem.names, row, strict=True))

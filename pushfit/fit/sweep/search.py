@@ -34,12 +34,12 @@ class Objective(Protocol):
 
     @property
     def mean(self) -> Float[Array, " q"]:
-        """Of the normal prior."""
+        """Mean of the normal prior."""
         ...
 
     @property
     def precision(self) -> Float[Array, "q q"]:
-        """Of the normal prior."""
+        """Precision, the inverse covariance, of the normal prior."""
         ...
 
     def expand(self, y: Float[Array, " q"], /) -> Expansion:

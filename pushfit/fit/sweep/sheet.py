@@ -96,7 +96,7 @@ class Sheet(eqx.Module):
 
     @property
     def u(self) -> Float[Array, " j"]:
-        """Outer nodes."""
+        """Coordinate u at each outer node."""
         return self.nodes.y[:, 0, 0]
 
 

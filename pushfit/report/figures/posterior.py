@@ -173,7 +173,7 @@ def quantity_figure(
 
 
 def _top(level: float) -> float:
-    """Largest Δχ² that is shown."""
+    """Upper end of the axis of Δχ² [-], above the level of the interval."""
     return max(MAX_DELTA, ABOVE * level)
 
 

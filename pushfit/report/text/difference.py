@@ -228,7 +228,7 @@ def _in_short(quantity: Quantity) -> str:
 
 
 def difference_dict(comparison: ResultDifferences) -> dict[str, Json]:
-    """The same for a program."""
+    """Differences as a document that programs read."""
     content = {
         one.name: {
             "unit": one.unit,

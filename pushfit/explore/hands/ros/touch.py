@@ -17,7 +17,7 @@ from pushfit.explore.hands.ros.messages import ros
 
 
 class TouchNode:
-    """The node."""
+    """ROS 1 node that hands on what a sensor measures as the stream of touch."""
 
     def __init__(self) -> None:
         """Connect the sensor to the stream."""

@@ -134,7 +134,7 @@ class Series(Pair):
     """Two springs in series, 1/X = 1/K_1 + 1/K_2; own coordinate ln(K_1/K_2)."""
 
     def whole(self, first: float, second: float) -> float:
-        """-ln(1/K_1 + 1/K_2)."""
+        """Ln X = -ln(1/K_1 + 1/K_2), of ln K_1 and ln K_2."""
         return float(-np.logaddexp(-first, -second))
 
     def parts(self, whole: Values, t: Values) -> tuple[Values, Values]:
@@ -160,11 +160,11 @@ class Quotient(Pair):
     """C_d/L², the spring that tilting adds; own coordinate ln L."""
 
     def whole(self, first: float, second: float) -> float:
-        """Ln C_d - 2 ln L."""
+        """Ln q = ln C_d - 2 ln L, of ln C_d and ln L."""
         return first - 2 * second
 
     def parts(self, whole: Values, t: Values) -> tuple[Values, Values]:
-        """C_d = q L²."""
+        """Ln C_d = ln q + 2 ln L, and ln L."""
         return whole + 2 * t, t + np.zeros_like(whole)
 
     def interval(self, whole: Values) -> tuple[Values, Values]:
