@@ -24,7 +24,7 @@ from pushfit.fit.results.environment import environment
 from pushfit.mechanics.registry import source_of
 
 # Results of another form are computed again.
-FORM = 18
+FORM = 19
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

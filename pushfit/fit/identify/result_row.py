@@ -59,7 +59,7 @@ def flat_values(identification: Identification) -> dict[str, Cell]:
         "n_pushes": found.table.n_pushes,
         "n_used": int(np.sum(found.used)),
         "chi_square": fit.chi_square,
-        "chi_square_p": found.goodness_of_fit.p_value,
+        "chi_square_p_value": found.goodness_of_fit.p_value,
         "log_evidence": found.posterior.log_evidence,
         "engine": found.posterior.engine,
         "warnings": ";".join(dict.fromkeys(w.code for w in found.warnings)),

@@ -94,9 +94,9 @@ def render_batch(
 
     Args:
         frame: One row per item. Read are `item`, `link` (address of its page beside
-            this one), `status`, `chi_square_p`, `warnings` (codes joined by ";") and
-            `message`; of the angles `theta_c` and
-            `alpha_star` the columns `<name>_deg`, `<name>_low_deg`, `<name>_high_deg`,
+            this one), `status`, `chi_square_p_value`, `warnings` (codes joined by
+            ";") and `message`; of the angles `theta_c` and `alpha_star` the columns
+            `<name>_deg`, `<name>_low_deg`, `<name>_high_deg`,
             `<name>_sets` (JSON), `<name>_verdict` and, of an axis,
             `<name>_period_deg`; of `A`, `B` and `C_rr` the same without `_deg`, and
             `<name>_unit`. Columns and cells may be missing.
@@ -124,7 +124,7 @@ def render_batch(
                 "status": _word(record, "status"),
                 "is_ok": _word(record, "status") == OK,
                 "cells": [_cell(entries[n][index], axes[n]) for n in names],
-                "p_value": _p_value(_number(record, "chi_square_p")),
+                "p_value": _p_value(_number(record, "chi_square_p_value")),
                 "warnings": _word(record, "warnings").replace(";", ", "),
                 "message": _word(record, "message"),
                 "link": _word(record, "link"),

@@ -47,6 +47,8 @@ def test_rows_say_what_a_single_table_says(tables):
     assert row.values["theta_c_low_deg"] == theta_c.interval[0]
     assert row.values["theta_c_high_deg"] == theta_c.interval[1]
     assert row.values["chi_square"] == single.fit.chi_square
+    p_value = single.goodness_of_fit.p_value
+    assert row.values["chi_square_p_value"] == p_value
     assert row.values["warnings"] == ";".join(w.code for w in single.warnings)
     assert row.values["engine"] == "sweep"
 

@@ -42,7 +42,7 @@ def frame():
             "A_low": [490.0, 500.0, 80_000.0, np.nan],
             "A_high": [510.0, 520.0, 99_000.0, np.nan],
             "A_unit": ["N/m"] * 4,
-            "chi_square_p": [0.46, 0.0001, np.nan, np.nan],
+            "chi_square_p_value": [0.46, 0.0001, np.nan, np.nan],
             "warnings": ["", "large_tilt;few_pushes", None, None],
         }
     )
