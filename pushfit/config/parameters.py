@@ -39,7 +39,10 @@ class Uniform(Section):
     def check_order(self) -> "Uniform":
         """Refuse an empty range."""
         if self.low >= self.high:
-            raise ValueError(f"low = {self.low:g} must be below high = {self.high:g}")
+            raise ValueError(
+                f"low = {self.low:g} must be below high = {self.high:g}; give the "
+                "lower bound as low, or fixed for one value"
+            )
         return self
 
 
@@ -57,8 +60,12 @@ class PriorSetting(Section):
         kinds = [k for k in type(self).model_fields if getattr(self, k) is not None]
         if len(kinds) != 1:
             choice = ", ".join(type(self).model_fields)
-            found = " and ".join(kinds) or "nothing"
-            raise ValueError(f"give exactly one of {choice}, not {found}")
+            if not kinds:
+                raise ValueError(
+                    f"give exactly one of {choice}, or leave the whole parameter out"
+                )
+            given = " and ".join(kinds)
+            raise ValueError(f"give exactly one of {choice}, not {given}; keep one")
         return self
 
 
@@ -69,11 +76,19 @@ class PositivePrior(PriorSetting):
     def check_sign(self) -> "PositivePrior":
         """Refuse values at or below zero where the physics has none."""
         if self.fixed is not None and self.fixed <= 0:
-            raise ValueError(f"fixed = {self.fixed:g} must be above 0")
+            raise ValueError(
+                f"fixed = {self.fixed:g} must be above 0; give it above 0, or a "
+                "distribution where it is not known"
+            )
         if self.normal is not None and self.normal.mean <= 0:
-            raise ValueError(f"mean = {self.normal.mean:g} must be above 0")
+            raise ValueError(
+                f"mean = {self.normal.mean:g} must be above 0; give it above 0, or a "
+                "lognormal, which has no values below"
+            )
         if self.uniform is not None and self.uniform.low < 0:
-            raise ValueError(f"low = {self.uniform.low:g} must not be below 0")
+            raise ValueError(
+                f"low = {self.uniform.low:g} must not be below 0; give 0 or more"
+            )
         return self
 
 

@@ -251,7 +251,8 @@ class NoiseSection(Section):
                 )
         if self.offset_sd and self.gain_sd:
             raise ValueError(
-                "repeats have an offset or a gain; leave offset_sd or gain_sd out"
+                f"offset_sd = {self.offset_sd:g} and gain_sd = {self.gain_sd:g}: "
+                "repeats have an offset or a gain; leave one of them out"
             )
         if self.angle_errors == "each":
             return self

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from pushfit.arguments import checked
 from pushfit.config import GraspConfig
 from pushfit.config.explore import ExploreSection
-from pushfit.config.file import problems
+from pushfit.config.file import as_toml, problems
 from pushfit.config.section import ELEVATIONS, Elevations, Positive
 from pushfit.errors import ConfigError
 from pushfit.mechanics.directions import is_whole
@@ -25,6 +25,15 @@ ROUNDING = 1e-9
 # Lengths tried, as shares of the push length, while longer ones are not known safe.
 SHARES = (1.0, 0.5, 0.25, 0.1, 0.05)
 Angle = float | Float[np.ndarray, " k"]
+
+
+def _next_step(name: str | None) -> str:
+    """What to give in place of a limit that means nothing."""
+    field = Limits.model_fields.get(name or "")
+    if field is None:
+        return ""
+    default = "" if field.default is None else f" for {as_toml(field.default)}"
+    return f"; give another value, or leave it out{default}"
 
 
 class Limits(ExploreSection):
@@ -64,7 +73,7 @@ class Limits(ExploreSection):
         except ValidationError as error:
             first = next(problems(error, stated, "limits", model=Limits))
             raise ConfigError(
-                f"{first.message}; mend it, or leave it out", code="limits"
+                first.message + _next_step(first.column), code="limits"
             ) from error
         first, last = self.alpha_deg or (0.0, 180.0)
         if not first <= last <= first + 360.0:

@@ -130,13 +130,28 @@ def test_every_example_of_the_template_is_valid(section, line):
             "[grasp]\npreload_n = 1\npreload_kpa = 1",
             "grasp: preload_n and preload_kpa are given; keep one",
         ),
-        ("[parameters.K_sn]", "parameters.K_sn: give exactly one of"),
+        (
+            "[parameters.K_sn]",
+            "parameters.K_sn: give exactly one of fixed, normal, lognormal, uniform, "
+            "or leave the whole parameter out",
+        ),
         (
             "[parameters.L]\nfixed = 1\nuniform = { low = 0, high = 1 }",
             "parameters.L: give exactly one of fixed, normal, lognormal, uniform, not "
-            "fixed and uniform",
+            "fixed and uniform; keep one",
         ),
-        ("[parameters.L]\nfixed = -1", "parameters.L: fixed = -1 must be above 0"),
+        (
+            "[parameters.L]\nfixed = -1",
+            "parameters.L: fixed = -1 must be above 0; give it above 0",
+        ),
+        (
+            "[parameters.L]\nnormal = { mean = -1, sd = 1 }",
+            "parameters.L: mean = -1 must be above 0; give it above 0, or a lognormal",
+        ),
+        (
+            "[parameters.L]\nuniform = { low = -1, high = 1 }",
+            "parameters.L: low = -1 must not be below 0; give 0 or more",
+        ),
         ("[parameters.L]\nnormal = { mean = 1 }", "parameters.L.normal.sd: is missing"),
         (
             "[parameters.e1]\nlognormal = { median = 1, sd_log = 1 }",
@@ -144,7 +159,8 @@ def test_every_example_of_the_template_is_valid(section, line):
         ),
         (
             "[parameters.L]\nuniform = { low = 2, high = 1 }",
-            "parameters.L.uniform: low = 2 must be below high = 1",
+            "parameters.L.uniform: low = 2 must be below high = 1; give the "
+            "lower bound",
         ),
         ("[parameters.F_0]\nfixed = 1", "parameters.F_0 is a prior of an estimated"),
         (

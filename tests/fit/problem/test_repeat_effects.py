@@ -327,7 +327,7 @@ def test_a_stated_effect_needs_no_repeated_direction(kind):
     [
         ('repeats = "alike"\ngain_sd = 0.03\n', "gain_sd says"),
         ('repeats = "gain"\noffset_sd = 0.03\n', "offset_sd says"),
-        ("offset_sd = 0.03\ngain_sd = 0.03\n", "an offset or a gain"),
+        ("offset_sd = 0.03\ngain_sd = 0.02\n", "offset_sd = 0.03 and gain_sd = 0.02"),
         (
             'offset_sd = 0.03\ntheta_sd_deg = 1.0\nangle_errors = "shared"\n',
             "leaves nothing",
