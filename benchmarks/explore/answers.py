@@ -23,7 +23,7 @@ import numpy as np
 
 from benchmarks.explore.strategies import LikelihoodSets
 from benchmarks.tables import CONFIG
-from pushfit.explore.belief.belief import N_DRAWS, Belief
+from pushfit.explore.belief.belief import N_BELIEF_DRAWS, Belief
 from pushfit.explore.decide.gain import information_gain
 from pushfit.explore.decide.intervals import AskedAngle, shortest_interval
 from pushfit.explore.explorer import Explorer
@@ -380,9 +380,9 @@ def source(table, question, seed) -> Belief:
         columns = [table.heights(c) for c in question.channels]
         for row, theta in enumerate(table.theta):
             grid.add(float(theta), [float(c[row]) for c in columns])
-    A, theta_c, C = grid.draws(N_DRAWS, np.random.default_rng(seed))
+    A, theta_c, C = grid.draws(N_BELIEF_DRAWS, np.random.default_rng(seed))
     B, L = A * C * np.tan(theta_c), 0.04
-    zero = np.zeros(N_DRAWS)
+    zero = np.zeros(N_BELIEF_DRAWS)
     return Belief(
         # Any springs with these A and B: K_st L² = C_d, K_sn = K_dn.
         samples={
@@ -391,13 +391,13 @@ def source(table, question, seed) -> Belief:
             "K_st": 2 * B,
             "C_rr": C,
             "C_d": 2 * B * L**2,
-            "L": np.full(N_DRAWS, L),
+            "L": np.full(N_BELIEF_DRAWS, L),
             "e1": zero,
             "e2": zero,
             "theta_c": np.degrees(theta_c),
         },
         log_weights=zero,
-        scatter=np.zeros((len(question.channels), N_DRAWS)),
+        scatter=np.zeros((len(question.channels), N_BELIEF_DRAWS)),
         sd=np.full(len(question.channels), sigma),
         is_sd_used=True,
         channels=question.channels,

@@ -28,7 +28,7 @@ import numpy as np
 
 from benchmarks.explore.strategies import LIMITS, STRATEGIES, LikelihoodSets
 from benchmarks.tables import CONFIG
-from pushfit.explore.belief.belief import ANGLES, Belief, Question
+from pushfit.explore.belief.belief import ASKABLE, Belief, Question
 from pushfit.explore.belief.from_fit import believe
 from pushfit.explore.belief.learning import learnt, weighed
 from pushfit.explore.belief.predict import predict
@@ -73,7 +73,7 @@ class World:
         """Truths and draws of the prior, from different seeds."""
         question = Question(
             config=CONFIG,
-            ask=ANGLES[ask],
+            ask=ASKABLE[ask],
             channels=channels,
             unit="n",
             sigma=1.0,
@@ -293,7 +293,7 @@ def answer_of(chances: list[list], looks: int) -> Answer | None:
 def main() -> None:
     """Print the table, after every block of truths what is known so far."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--ask", choices=ANGLES, default="theta_c")
+    parser.add_argument("--ask", choices=ASKABLE, default="theta_c")
     parser.add_argument("--channels", choices=CHANNELS, default="components")
     parser.add_argument("--truths", type=int, default=1000)
     parser.add_argument("--cap", type=int, default=40)

@@ -20,7 +20,7 @@ import numpy as np
 
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
-from pushfit.explore.belief.belief import ANGLES
+from pushfit.explore.belief.belief import ASKABLE
 from pushfit.explore.explorer import Explorer
 from pushfit.explore.limits import Limits
 from pushfit.fit.programs.folder import enable_compile_cache
@@ -124,7 +124,7 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--steps", type=int, default=100)
-    parser.add_argument("--asks", nargs="+", choices=ANGLES, default=list(ANGLES))
+    parser.add_argument("--asks", nargs="+", choices=ASKABLE, default=list(ASKABLE))
     args = parser.parse_args()
     enable_compile_cache()
     print("| ask | pushes | steps | median | p99 | longest | grown by |")

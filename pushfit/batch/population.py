@@ -38,7 +38,7 @@ COLUMNS = (
 )
 
 # Azimuths within this are one: a robot that is sent to it misses by less [deg].
-SAME_AZIMUTH = 5.0
+MAX_AZIMUTH_SPREAD_DEG = 5.0
 # What is said of a population, by its code.
 WARNINGS = {
     "grid_edge": "the means and spreads that were tried hold too little of what is "
@@ -47,9 +47,9 @@ WARNINGS = {
     "prior moves θ_c, B and C_rr of all of them the same way, which no number of items "
     "averages out: where one transition holds for all, state transition.sharpness",
     "several_azimuths": "θ_c of the items belongs to azimuths that are more than "
-    f"{SAME_AZIMUTH:g}° apart, and differs between them wherever the support is not "
-    "alike all round: state grasp.reference_alpha_deg, or pool those of one azimuth in "
-    "a batch of their own",
+    f"{MAX_AZIMUTH_SPREAD_DEG:g}° apart, and differs between them wherever the support "
+    "is not alike all round: state grasp.reference_alpha_deg, or pool those of one "
+    "azimuth in a batch of their own",
 }
 
 
@@ -165,7 +165,7 @@ def are_apart(azimuths: Sequence[float]) -> bool:
     """Whether azimuths, as axes of pushes, are not all the same [deg]."""
     turned = [azimuth - azimuths[0] for azimuth in azimuths]
     past = [(turn + HALF_TURN / 2) % HALF_TURN - HALF_TURN / 2 for turn in turned]
-    return bool(past) and max(past) - min(past) > SAME_AZIMUTH
+    return bool(past) and max(past) - min(past) > MAX_AZIMUTH_SPREAD_DEG
 
 
 def is_provisional(row: Row) -> bool:

@@ -20,7 +20,7 @@ from pushfit.arguments import checked
 from pushfit.config import Settings, as_config
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError, DataError
-from pushfit.explore.belief.belief import ANGLES, Belief, BeliefSource, Question
+from pushfit.explore.belief.belief import ASKABLE, Belief, BeliefSource, Question
 from pushfit.explore.belief.from_fit import believe
 from pushfit.explore.belief.learning import learnt, reference_due, weighed
 from pushfit.explore.belief.tables import (
@@ -114,9 +114,9 @@ class Explorer:
         hand: Mapping[str, object] | None = None,
     ) -> None:
         """Begin, or go on where the journal ends."""
-        if ask not in ANGLES:
+        if ask not in ASKABLE:
             raise ConfigError(
-                f"ask = {ask!r} is not known; ask for {', '.join(ANGLES)}", code="ask"
+                f"ask = {ask!r} is not known; ask for {', '.join(ASKABLE)}", code="ask"
             )
         config = as_config(config)
         limits = Limits.of(config) if limits is None else limits
@@ -124,7 +124,7 @@ class Explorer:
         self.judge = Judge(width=width_deg, prob=prob, budget=budget, seed=seed)
         self.question = Question(
             config=config,
-            ask=ANGLES[ask],
+            ask=ASKABLE[ask],
             channels=channels,
             unit=unit,
             sigma=sigma,

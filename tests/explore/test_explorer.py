@@ -12,7 +12,7 @@ import pytest
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError, DataError
-from pushfit.explore.belief.belief import N_DRAWS
+from pushfit.explore.belief.belief import N_BELIEF_DRAWS
 from pushfit.explore.belief.from_fit import believe
 from pushfit.explore.decide.stopping import MIN_UNKNOWN_NOISE
 from pushfit.explore.explorer import Explorer
@@ -57,7 +57,7 @@ def test_an_exploration_decides_and_then_asks_nothing():
 
 def few_draws(found):
     """Those of ten draws, as weights leave them where heights are exact."""
-    few = np.where(np.arange(N_DRAWS) < 10, 0.0, -np.inf)
+    few = np.where(np.arange(N_BELIEF_DRAWS) < 10, 0.0, -np.inf)
     return replace(found, log_weights=few)
 
 
@@ -424,7 +424,7 @@ def test_priors_alone_do_not_say_that_an_angle_is_absent(is_guess):
 
     def never_rolling(table, question, seed):
         found = importance(table, question, seed)
-        nowhere = {"theta_c": np.full(N_DRAWS, np.nan)}
+        nowhere = {"theta_c": np.full(N_BELIEF_DRAWS, np.nan)}
         return replace(found, samples={**found.samples, **nowhere}, is_guess=is_guess)
 
     own = explorer(source=never_rolling)

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from pushfit.config import parse_config
-from pushfit.explore.belief.belief import N_DRAWS, Belief, Question
+from pushfit.explore.belief.belief import N_BELIEF_DRAWS, Belief, Question
 from pushfit.explore.belief.predict import predict
 from pushfit.model import Grasp, Parameters, Pushes, forward
 from tests.explore.beliefs import PLAIN, belief_of, prior_draws
@@ -60,7 +60,7 @@ def _weighed(table, question: Question, seed: int) -> Belief:
         misses = ((heights - seen[..., None]) / sigma)[table.is_used]
         squares = np.sum(misses**2, axis=(0, 1))
         weights = np.exp(-squares / 2 - logsumexp(-squares / 2))
-    rows = rng.choice(N_PRIOR, size=N_DRAWS, p=weights)
+    rows = rng.choice(N_PRIOR, size=N_BELIEF_DRAWS, p=weights)
     found = {name: values[rows] for name, values in draws.items()}
     if not ellipse:
         found.pop("alpha_star", None)

@@ -231,6 +231,37 @@ def test_no_function_class_or_alias_has_the_name_of_another():
     assert {k: where for k, where in places.items() if len(where) > 1} == {}
 
 
+def constants(path: Path) -> set[str]:
+    """Public names in capitals that a module assigns, type variables left out."""
+    parts = ast.parse(path.read_text(encoding="utf-8")).body
+    assigned = [
+        name.id
+        for part in parts
+        if isinstance(part, ast.Assign | ast.AnnAssign)
+        for name in ast.walk(part)
+        if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store)
+    ]
+    return {name for name in assigned if name.isupper() and len(name) > 1}
+
+
+def test_no_constant_that_others_import_has_the_name_of_another_such():
+    """One name, one value, wherever a reader meets it; others are each file's own."""
+    used = {
+        tuple(name.rsplit(".", 1))
+        for path in FILES
+        for name in imported_modules(path)
+        if name.startswith("pushfit.")
+    }
+    places = {}
+    for path in FILES:
+        module = module_name(path).removesuffix(".__init__")
+        for name in constants(path):
+            if not name.startswith("_") and (module, name) in used:
+                places.setdefault(name, []).append(module)
+    assert len(places) > 1
+    assert {k: where for k, where in places.items() if len(where) > 1} == {}
+
+
 def public_functions(path: Path) -> list[ast.FunctionDef]:
     """Functions and methods without an underscore that are not inside of another."""
     parts = ast.parse(path.read_text()).body

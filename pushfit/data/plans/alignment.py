@@ -21,7 +21,7 @@ from pushfit.data.plans.assignment import cheapest_pairings, cost_in_order
 from pushfit.data.plans.case import Case
 from pushfit.data.plans.rhythm import (
     LEAD,
-    MISSING,
+    MISSING_COST,
     SLACK,
     off_beat,
     rhythms,
@@ -332,7 +332,7 @@ def _stopped_early(
     if first == 0 or is_left_out or has_room:
         return []
     made = max(int(rest - after + SLACK), 0)
-    off = (before - max(rest - after, 0.0)) / LEAD + MISSING * made
+    off = (before - max(rest - after, 0.0)) / LEAD + MISSING_COST * made
     earlier = np.append(hump[first:], np.full(first, -1))
     return [earlier] if off < _CLEAR else []
 

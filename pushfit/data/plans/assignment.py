@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from pushfit.data.plans.case import IN_TIME, Case, cost_of_heights
-from pushfit.data.plans.rhythm import LEAD, MISSING, SLACK
+from pushfit.data.plans.rhythm import LEAD, MISSING_COST, SLACK
 
 # Minus log probability of a hump without a push: rarer than a missing push.
 _EXTRA = 2.5
@@ -119,7 +119,7 @@ class _Steady:
         extra = np.where(case.brush, _EXTRA_BRUSH, _EXTRA)
         humps = np.append(0.0, np.cumsum(extra))
         own = np.where(case.brush, _PAIR_BRUSH, 0.0)
-        cost = MISSING * np.arange(n)[:, None] + humps[:-1] + self._lead() + own
+        cost = MISSING_COST * np.arange(n)[:, None] + humps[:-1] + self._lead() + own
         back = np.full((n, m, 2), -1)
         j, run = np.arange(m), np.arange(1, _MAX_EXTRA_RUN + 1)[:, None]
         before = np.maximum(j - run, 0)
@@ -132,7 +132,7 @@ class _Steady:
             off = case.cost_of_gaps(gap[:, None], k, np.array(i), scatter=self.scatter)
             is_repeat = case.direction[i] == case.direction[k]
             off = off + np.where(is_repeat, unlike[:, None], 0.0)
-            way = cost[:i, before].swapaxes(0, 1) + off + MISSING * (i - 1 - k)
+            way = cost[:i, before].swapaxes(0, 1) + off + MISSING_COST * (i - 1 - k)
             way = (way + between[:, None]).reshape(run.size * i, m)
             least = way.argmin(axis=0)
             value = way[least, j] + own
@@ -155,7 +155,7 @@ class _Steady:
         left = np.ones(len(case.times), dtype=bool)
         left[taken] = False
         extra = np.where(case.brush, _EXTRA_BRUSH, _EXTRA)[left].sum()
-        missing = MISSING * (len(hump) - len(there))
+        missing = MISSING_COST * (len(hump) - len(there))
         off = gaps
         if off is None:
             times = np.diff(case.times[taken])

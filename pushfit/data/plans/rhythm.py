@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 # Minus log probability of a push without a hump: one in seven.
-MISSING = 2.0
+MISSING_COST = 2.0
 # Time before the first push and after the last, in periods: mean of an exponential.
 LEAD = 1.5
 # By how much a push may be planned before a recording begins, in periods: half pairs 2

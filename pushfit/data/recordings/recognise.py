@@ -21,7 +21,7 @@ from pushfit.data.units import (
 )
 from pushfit.errors import ConfigError, stated
 
-ANGLES = ("theta", "alpha")
+DIRECTION_COLUMNS = ("theta", "alpha")
 _NOTHING: Mapping[str, str] = MappingProxyType({})
 
 

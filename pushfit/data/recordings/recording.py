@@ -28,7 +28,7 @@ from pushfit.data.text.explain import Kind
 from pushfit.data.text.faults import data_error, listed
 from pushfit.data.text.files import Source, existing_file, is_bag, sha256_of
 from pushfit.data.text.foreign import ForeignTable, foreign_table
-from pushfit.data.text.ros_logs import NUMBER
+from pushfit.data.text.ros_logs import NUMBER_PATTERN
 from pushfit.data.text.textfile import TextFile, open_text
 from pushfit.data.units import UNITS, Calibration
 from pushfit.errors import DataError
@@ -144,7 +144,9 @@ def _without(samples: Samples, missing: Sequence[str]) -> Samples:
     Args:
         missing: Texts of the numbers; others stand in cells alone.
     """
-    sentinels = [float(text) for text in missing if re.fullmatch(NUMBER, text.strip())]
+    sentinels = [
+        float(text) for text in missing if re.fullmatch(NUMBER_PATTERN, text.strip())
+    ]
     if not sentinels:
         return samples
     series = {

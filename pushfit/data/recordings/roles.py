@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from pushfit.data.recordings.recognise import ANGLES, RecordingColumns, if_in
+from pushfit.data.recordings.recognise import DIRECTION_COLUMNS, RecordingColumns, if_in
 from pushfit.data.text.dialects import Layout
 from pushfit.data.text.faults import data_error, listed, problem
 from pushfit.data.text.layout_guess import Stamp, stamp_of
@@ -194,7 +194,7 @@ def _check_stated_names(columns: _Columns) -> None:
             )
     stems = {split_unit(name)[0] for name in columns.names}
     known = {*columns.position, *stems, *columns.mapped}
-    known |= {"time", *ANGLES, *(key for key, _ in columns.mapped.values())}
+    known |= {"time", *DIRECTION_COLUMNS, *(key for key, _ in columns.mapped.values())}
     for key, unit in columns.units.items():
         parse_unit(unit)
         if key not in known:
@@ -294,7 +294,7 @@ def _first_pair(columns: _Columns) -> str | None:
 def _angles(columns: _Columns) -> list[Role]:
     """Find the push angles by mapping or by name."""
     roles = []
-    for angle in ANGLES:
+    for angle in DIRECTION_COLUMNS:
         if angle in columns.mapped:
             key, name = columns.mapped[angle]
             places = [columns.position[name]] if name in columns.position else []
@@ -320,7 +320,7 @@ def _channels(columns: _Columns, taken: set[int]) -> list[Role]:
     mapped = {
         columns.position[name]: (stem, key)
         for stem, (key, name) in columns.mapped.items()
-        if name in columns.position and stem not in ("time", *ANGLES)
+        if name in columns.position and stem not in ("time", *DIRECTION_COLUMNS)
     }
     for i, name in enumerate(columns.names):
         if not name or (i in taken and i not in mapped):

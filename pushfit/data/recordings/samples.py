@@ -14,7 +14,7 @@ from jaxtyping import Float, Shaped
 
 from pushfit.config.inputs import Gaps, ThetaFrom
 from pushfit.data.recordings.clock import Findings, Lines, check_clock
-from pushfit.data.recordings.recognise import ANGLES
+from pushfit.data.recordings.recognise import DIRECTION_COLUMNS
 from pushfit.data.recordings.records import Recording
 from pushfit.data.text.faults import data_error
 from pushfit.data.text.files import Source
@@ -69,7 +69,7 @@ class Samples:
     @property
     def channels(self) -> dict[str, tuple[Float[np.ndarray, " n"], Unit]]:
         """Those of the series that are no angles."""
-        return {k: own for k, own in self.series.items() if k not in ANGLES}
+        return {k: own for k, own in self.series.items() if k not in DIRECTION_COLUMNS}
 
 
 def build_recording(
@@ -174,7 +174,7 @@ def _check_values(
             findings.add("implausible_unit", clause, column=name)
         if values.size > 1 and np.all(values == values[0]):
             findings.notes.append(f"{name} does not vary: always {values[0]:g}")
-    angles = {k: own for k, own in samples.series.items() if k in ANGLES}
+    angles = {k: own for k, own in samples.series.items() if k in DIRECTION_COLUMNS}
     clause = implausible_angles(angles)
     if clause and trust_units:
         findings.notes.append(f"{clause}; taken as told")

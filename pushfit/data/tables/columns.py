@@ -16,13 +16,13 @@ import pandas as pd
 from jaxtyping import Float, Int
 
 from pushfit.data.recordings import recognise
-from pushfit.data.recordings.recognise import ANGLES
+from pushfit.data.recordings.recognise import DIRECTION_COLUMNS
 from pushfit.data.tables.names import Known, any_name, near_names, nearest_stem
 from pushfit.data.text.csv_reader import read_cells
 from pushfit.data.text.dialects import find_layout
 from pushfit.data.text.explain import Kind
 from pushfit.data.text.faults import data_error, in_runs, problem
-from pushfit.data.text.files import PARQUET, Source, sha256_of
+from pushfit.data.text.files import PARQUET_SUFFIXES, Source, sha256_of
 from pushfit.data.text.textfile import open_text
 from pushfit.data.units import UNITS, Unit, in_degrees
 from pushfit.errors import ConfigError, DataError, InputProblem
@@ -30,7 +30,10 @@ from pushfit.errors import ConfigError, DataError, InputProblem
 COUNTS = ("push", "repeat")
 
 # Those of every kind.
-COMMON: Known = {**dict.fromkeys(ANGLES, "angle"), **dict.fromkeys(COUNTS, "bare")}
+COMMON: Known = {
+    **dict.fromkeys(DIRECTION_COLUMNS, "angle"),
+    **dict.fromkeys(COUNTS, "bare"),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,7 +89,7 @@ class Rows:
 
 def is_parquet(path: str | Path) -> bool:
     """Whether a file is one of Parquet, by its suffix."""
-    return Path(path).suffix.lower() in PARQUET
+    return Path(path).suffix.lower() in PARQUET_SUFFIXES
 
 
 def read_rows(path: str | Path, known: Known) -> Rows:
@@ -206,7 +209,9 @@ def read_columns(
     if left_out:
         notes.append(f"columns not used: {', '.join(left_out)}")
     in_degrees = {
-        stem: found[stem].given for stem in ANGLES if found[stem].unit == UNITS["deg"]
+        stem: found[stem].given
+        for stem in DIRECTION_COLUMNS
+        if found[stem].unit == UNITS["deg"]
     }
     return Columns(
         frame=frame,
@@ -272,7 +277,7 @@ def _doubtful(
             names = near_names(column.stem, column.unit, stem, holds=known[stem])
             text = f"is not known here; did you mean {names}?"
             yield origin.problem("near_miss_column", text, column=given, value=given)
-    for stems in (*((stem,) for stem in ANGLES), any_of):
+    for stems in (*((stem,) for stem in DIRECTION_COLUMNS), any_of):
         if stems and not meant.intersection(stems):
             text = f"is missing; the columns are {have}; add it or rename one"
             wanted = any_name(stems[0], known[stems[0]])

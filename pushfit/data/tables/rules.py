@@ -8,7 +8,7 @@ columns are recognised and breaches reported
 import numpy as np
 import pandas as pd
 
-from pushfit.data.recordings.recognise import ANGLES
+from pushfit.data.recordings.recognise import DIRECTION_COLUMNS
 from pushfit.data.tables.columns import COMMON, Columns, Known, Origin, read_columns
 from pushfit.data.text.faults import data_error, listed
 from pushfit.data.units import UNITS, implausible_angles
@@ -217,7 +217,7 @@ def _in_words(
         shown = f"{value:g}" if isinstance(value, float) else repr(value)
         column = str(case["column"])
         stem = column.removesuffix("_deg")
-        is_converted = stem in ANGLES and stem not in columns.in_degrees
+        is_converted = stem in DIRECTION_COLUMNS and stem not in columns.in_degrees
         if is_converted and code.endswith("_range"):
             shown = f"{np.radians(value):g} rad = {shown}°"
             rule += f"; name a column of degrees {column}"

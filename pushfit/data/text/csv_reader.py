@@ -20,7 +20,7 @@ from jaxtyping import Int, Shaped
 
 from pushfit.config.inputs import Tail
 from pushfit.data.text.dialects import Layout
-from pushfit.data.text.explain import MISSING, Kind, slow_scan
+from pushfit.data.text.explain import MISSING_WORDS, Kind, slow_scan
 from pushfit.data.text.faults import data_error, no_rows, refuse, refuse_too_large
 from pushfit.data.text.layout_guess import STAMPS, Stamp
 from pushfit.data.text.scan import Body, Scan, fast_scan, find_body
@@ -155,7 +155,7 @@ def _chunks(
     """Parse the rows, without their header, some at a time."""
     layout = body.layout
     blocks = body.text.blocks(layout.data_start, body.end)
-    tokens = [*MISSING, *missing]
+    tokens = [*MISSING_WORDS, *missing]
     with pd.read_csv(
         cast(IO[bytes], BlockReader(blocks)),
         sep=r"\s+" if layout.delimiter == " " else layout.delimiter,

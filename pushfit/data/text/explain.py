@@ -23,7 +23,7 @@ from pushfit.errors import InputProblem
 Kind = Stamp | Literal["float", "int", "text"]
 
 # Texts that stand for a missing number.
-MISSING = ("", "nan", "NaN", "NAN")
+MISSING_WORDS = ("", "nan", "NaN", "NAN")
 _WHOLE = re.compile(r"[+-]?\d+", re.ASCII)
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
 _EXPECTED = {
@@ -47,7 +47,7 @@ def slow_scan(
         path=body.text.path,
         layout=layout,
         kinds=kinds,
-        missing=frozenset((*MISSING, *missing)),
+        missing=frozenset((*MISSING_WORDS, *missing)),
     )
     n_rows = 0
     skips: list[int] = []
@@ -67,7 +67,9 @@ def cell_problems(
 ) -> list[InputProblem]:
     """Check cells, each with its line, that are to be numbers and in no rows."""
     layout = Layout(writer="native", delimiter=",", decimal=".", names=(column,))
-    check = _RowCheck(path=path, layout=layout, kinds={}, missing=frozenset(MISSING))
+    check = _RowCheck(
+        path=path, layout=layout, kinds={}, missing=frozenset(MISSING_WORDS)
+    )
     for line, cell in cells:
         check.cell(line, column, cell=cell, kind="float")
     return check.finish()

@@ -47,11 +47,22 @@ _OTHER_TEXTS: tuple[tuple[tuple[bytes, ...], str, str], ...] = (
 )
 # Endings of files that are known by them, and of those that folders are searched for:
 # not `.log`, as programs leave logs of their own beside recordings.
-PARQUET = frozenset({".parquet", ".pq"})
+PARQUET_SUFFIXES = frozenset({".parquet", ".pq"})
 NUMPY = frozenset({".npy", ".npz"})
 GZIP = ".gz"
 SEARCHED = frozenset(
-    {".csv", ".tsv", ".txt", GZIP, ".ddf", ".bag", ".db3", ".mcap", *PARQUET, *NUMPY}
+    {
+        ".csv",
+        ".tsv",
+        ".txt",
+        GZIP,
+        ".ddf",
+        ".bag",
+        ".db3",
+        ".mcap",
+        *PARQUET_SUFFIXES,
+        *NUMPY,
+    }
 )
 # What to do with a pipe.
 ONCE = "save what comes from it as a file, and name that"
@@ -203,7 +214,7 @@ def refuse_other_types(start: bytes, path: str) -> None:
 
 def check_csv_name(path: str | Path) -> None:
     """Refuse a name by which readers would take CSV for another format."""
-    if (suffix := Path(path).suffix.lower()) in {*PARQUET, *NUMPY, GZIP}:
+    if (suffix := Path(path).suffix.lower()) in {*PARQUET_SUFFIXES, *NUMPY, GZIP}:
         raise ConfigError(
             f"{path}: is written as CSV, which no {suffix} file is; name a .csv file",
             code="output_name",

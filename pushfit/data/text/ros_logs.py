@@ -21,16 +21,16 @@ from pushfit.data.text.faults import refuse
 from pushfit.data.units import Unit, find_unit
 from pushfit.errors import DataError
 
-NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+NUMBER_PATTERN = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 # A reading, also one that is missing.
-VALUE = rf"(?:{NUMBER}|[+-]?\.?(?i:nan))"
+VALUE = rf"(?:{NUMBER_PATTERN}|[+-]?\.?(?i:nan))"
 _LEVEL = "(?:DEBUG|INFO|WARN(?:ING)?|ERROR|FATAL)"
 # What a node prints, what it writes to its own log, and what rosout writes to its.
 _LOG = re.compile(
-    rf"(?:\[ *{_LEVEL}\]\s*\[(?:WallTime:\s*)?(?P<time>{NUMBER})[^\]]*\]:?"
+    rf"(?:\[ *{_LEVEL}\]\s*\[(?:WallTime:\s*)?(?P<time>{NUMBER_PATTERN})[^\]]*\]:?"
     r"(?:\s*\[[A-Za-z][\w./]*\]:)?"  # the node, which ROS 2 names
     rf"|\[[\w./]+\]\[{_LEVEL}\] (?P<date>\d{{4}}-\d\d-\d\d \d\d:\d\d:\d\d,\d+):"
-    rf"|(?P<stamp>{NUMBER})\s+{_LEVEL} /\S+(?:\s+\[[^\]]*\])*)\s*(?P<text>.*)",
+    rf"|(?P<stamp>{NUMBER_PATTERN})\s+{_LEVEL} /\S+(?:\s+\[[^\]]*\])*)\s*(?P<text>.*)",
     re.M,
 )
 _NAME = r"[A-Za-z_]\w*"
@@ -220,8 +220,8 @@ def _not_understood(path: str) -> DataError:
     alike: Counter[str] = Counter()
     for i, line in enumerate(_lines(path), 1):
         match = _LOG.match(line)
-        if match is not None and re.search(NUMBER, match["text"]):
-            form = re.sub(NUMBER, "0", match["text"])
+        if match is not None and re.search(NUMBER_PATTERN, match["text"]):
+            form = re.sub(NUMBER_PATTERN, "0", match["text"])
             alike[form] += 1
             first.setdefault(form, (i, match["text"].strip()))
     if not alike:

@@ -25,12 +25,12 @@ from pushfit.parameters import PARAMETERS, SensorUnit
 
 # Draws of a belief, always as many: programs are compiled for one shape. A gain from
 # so many loses 0.4 % of the best one, from 500 it loses 4 %.
-N_DRAWS = 8192
+N_BELIEF_DRAWS = 8192
 # Fewer effective draws give no interval: 400 know the ends of one of 90 % to 3 % of its
 # width. Weighed priors come to so few, which are not drawn anew.
 FEWEST_DRAWS = 400
 # Words that ask for angles.
-ANGLES: dict[str, tuple[str, ...]] = {
+ASKABLE: dict[str, tuple[str, ...]] = {
     "theta_c": ("theta_c",),
     "alpha_star": ("alpha_star",),
     "both": ("theta_c", "alpha_star"),

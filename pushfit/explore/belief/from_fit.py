@@ -16,7 +16,7 @@ from pushfit.config import GraspConfig
 from pushfit.data.grasp import is_calibrated, make_grasp
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import FitError
-from pushfit.explore.belief.belief import N_DRAWS, Belief, Question
+from pushfit.explore.belief.belief import N_BELIEF_DRAWS, Belief, Question
 from pushfit.fit.assess.model_free import direction_disagreement, model_free_direction
 from pushfit.fit.assess.verdicts import angle_quantity
 from pushfit.fit.assess.warnings import (
@@ -78,8 +78,8 @@ def believe(
             programs are kept that a first call compiles for minutes.
 
     Returns:
-        `N_DRAWS` draws of the posterior, or of the prior without a usable push, or
-        where there are none of the posterior.
+        `N_BELIEF_DRAWS` draws of the posterior, or of the prior without a usable push,
+        or where there are none of the posterior.
     """
     if table is None or not np.any(table.is_used):
         return _prior_belief(question, seed)
@@ -234,7 +234,7 @@ def _prior_belief(question: Question, seed: int) -> Belief:
     """Draws of the prior, of which a made-up push only sets the scale."""
     setup = build_problem(_made_up(question), question.settings)
     rng = np.random.default_rng(seed)
-    x = prior_x_samples(setup.problem, rng, N_DRAWS)
+    x = prior_x_samples(setup.problem, rng, N_BELIEF_DRAWS)
     reach = reach_of(question.settings)
     samples = samples_mapping(setup.problem, x, question.reference_alpha, reach=reach)
     belief = belief_from(setup, samples, seed=seed, is_guess=True)
@@ -328,13 +328,13 @@ def belief_from(
     problem, noise = setup.problem, setup.noise
     n = next(iter(samples.values())).size
     rng = np.random.default_rng([seed, n])
-    rows = rng.permutation(n)[:N_DRAWS]
-    is_own = np.arange(N_DRAWS) < rows.size
-    rows = np.resize(rows, N_DRAWS)
+    rows = rng.permutation(n)[:N_BELIEF_DRAWS]
+    is_own = np.arange(N_BELIEF_DRAWS) < rows.size
+    rows = np.resize(rows, N_BELIEF_DRAWS)
     kept = {name: np.asarray(values)[rows] for name, values in samples.items()}
     for name in ("e1", "e2"):
         fixed = float(problem.fixed.get(name, 0.0))
-        kept.setdefault(name, np.full(N_DRAWS, fixed))
+        kept.setdefault(name, np.full(N_BELIEF_DRAWS, fixed))
     used = list(setup.rows)
     scatter, sd = [], []
     for channel, settled in zip(problem.channels, np.asarray(problem.sd), strict=True):
@@ -344,7 +344,7 @@ def belief_from(
         own = kept.get(f"sigma_{channel}")
         if own is None:
             pooled = float(np.median(noise.sigma[channel][used]))
-            own = np.full(N_DRAWS, pooled if noise.kind == "pooled" else 0.0)
+            own = np.full(N_BELIEF_DRAWS, pooled if noise.kind == "pooled" else 0.0)
         # Errors of the angles, and noise in proportion to the height.
         added = np.maximum(settled[: len(used)] ** 2 - known**2, 0.0)
         scatter.append(np.hypot(own, np.sqrt(np.median(added))))

@@ -19,7 +19,7 @@ from pushfit.explore.belief.belief import Question
 from pushfit.explore.belief.tables import by_channel, check_told
 from pushfit.explore.decide.stopping import Judge
 from pushfit.explore.hands.protocol import PushStatus
-from pushfit.explore.journal.file import SCHEMA, START, Event, Journal, damaged
+from pushfit.explore.journal.file import JOURNAL_SCHEMA, START, Event, Journal, damaged
 from pushfit.explore.limits import Limits
 from pushfit.explore.records import (
     Failure,
@@ -157,7 +157,7 @@ def start_event(
     """First line of a journal: the question, and who is to make the pushes."""
     return {
         "event": START,
-        "schema": SCHEMA,
+        "schema": JOURNAL_SCHEMA,
         "ask": list(question.ask),
         "width_deg": judge.width,
         "prob": judge.prob,

@@ -18,7 +18,7 @@ if sys.platform != "win32":  # which has no lock that leaves a file readable
 from pushfit.atomic import naming, sync
 from pushfit.errors import ConfigError, DataError
 
-SCHEMA = "pushfit.exploration/2"
+JOURNAL_SCHEMA = "pushfit.exploration/2"
 # Of the first event, and how its line begins.
 START = "start"
 BEGINNING = b'{"event": "start"'

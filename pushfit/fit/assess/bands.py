@@ -22,7 +22,7 @@ MIN_ANGLES = 3
 MAX_BANDS = 16
 # Points of a curve, a degree apart where θ is swept; draws that make a band.
 N_GRID = 96
-N_DRAWS = 256
+N_BAND_DRAWS = 256
 # A sweep is drawn this far past its ends [deg].
 MARGIN_DEG = 5.0
 
@@ -37,7 +37,7 @@ def prediction_bands(
 ) -> tuple[Band, ...]:
     """Predictions along up to sixteen sweeps of three angles or more, richest first."""
     n = samples["A"].size
-    index = np.unique(np.linspace(0, n - 1, min(n, N_DRAWS)).astype(int))
+    index = np.unique(np.linspace(0, n - 1, min(n, N_BAND_DRAWS)).astype(int))
     draws = {name: values[index] for name, values in samples.items()}
     bands = []
     for swept, fixed_deg, rows in _sweeps(table):

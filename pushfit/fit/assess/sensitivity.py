@@ -30,7 +30,7 @@ from pushfit.fit.results import FitStatus, Identification, ResultWarning
 # 90 % that hold the truth 88 times in 100.
 MATTERS = 1 / 3
 # Draws that covariances are taken over.
-N_DRAWS = 1024
+N_SENSITIVITY_DRAWS = 1024
 
 
 def angle_error_warnings(
@@ -88,7 +88,7 @@ def angle_error_shifts(
         names: Of the quantities.
     """
     problem, n = setup.problem, found.posterior.log_prob.size
-    rows = np.linspace(0, n - 1, min(n, N_DRAWS)).astype(int)
+    rows = np.linspace(0, n - 1, min(n, N_SENSITIVITY_DRAWS)).astype(int)
     draws = {name: values[rows] for name, values in found.posterior.samples.items()}
     predicted = predict_draws(problem, draws, problem.angles).heights
     covariances = []

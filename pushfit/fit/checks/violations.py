@@ -31,7 +31,7 @@ ANGLE_ERRORS = "looks_like_angle_errors"
 CONSTANT = "looks_like_a_constant"
 HEAVY_TAILED, PROPORTIONAL = "looks_heavy_tailed", "looks_proportional"
 # Chance of naming an assumption that holds, per alternative.
-LEVEL = 1e-3
+NAMING_LEVEL = 1e-3
 # The same where the model is rejected, so that something does not hold.
 LEVEL_IF_REJECTED = 0.05
 # No joint errs by more; where heights scatter so, something else does not hold [deg].
@@ -104,7 +104,7 @@ def violations(
         None if setup.noise.shared else _repeat_by_repeat(table),
     ]
     # Noise of several sizes has heavy tails, too.
-    if all(v is None or not v.p_value < LEVEL for v in found):
+    if all(v is None or not v.p_value < NAMING_LEVEL for v in found):
         found.append(_heavy_tailed(free))
     if not setup.noise.shared:
         for index, name in enumerate(problem.channels):
@@ -142,7 +142,7 @@ def violation_warnings(
         is_adequate: Whether the model describes the heights; if not, something does not
             hold, and less is asked of an alternative.
     """
-    level = LEVEL if is_adequate else LEVEL_IF_REJECTED
+    level = NAMING_LEVEL if is_adequate else LEVEL_IF_REJECTED
     return tuple(
         ResultWarning(code=v.code, text=v.text) for v in found[:1] if v.p_value < level
     )

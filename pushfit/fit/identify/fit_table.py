@@ -15,7 +15,7 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.checks.violations import (
     ANGLE_ERRORS,
     HEAVY_TAILED,
-    LEVEL,
+    NAMING_LEVEL,
     PROPORTIONAL,
     Violation,
     violation_warnings,
@@ -90,7 +90,7 @@ def _with_uneven_if_shown(
     is_held = noise.sigma == "pooled" or noise.theta_sd_deg or noise.alpha_sd_deg
     own = (ANGLE_ERRORS, PROPORTIONAL, HEAVY_TAILED)
     others = [v for v in even.shown if v.code not in own]
-    if is_held or not even.shown or any(v.p_value < LEVEL for v in others):
+    if is_held or not even.shown or any(v.p_value < NAMING_LEVEL for v in others):
         return even
     problem, fit = even.setup.problem, even.fit
     # Noise of several sizes has heavy tails, and these make either likelier.
@@ -169,4 +169,6 @@ def log_bayes_factor(first: PosteriorResult, second: PosteriorResult) -> float:
 
 def _is_explained(found: tuple[Violation, ...]) -> bool:
     """Whether large residuals have another cause, or there is none to explain."""
-    return not found or (found[0].p_value < LEVEL and found[0].code != HEAVY_TAILED)
+    return not found or (
+        found[0].p_value < NAMING_LEVEL and found[0].code != HEAVY_TAILED
+    )

@@ -17,7 +17,7 @@ from pushfit.fit.problem.problem import Problem
 from pushfit.model import as_float
 
 # Draws from the prior whose moments the residuals have: good to 2 % of each sd.
-N_DRAWS = 4000
+N_PRIOR_DRAWS = 4000
 
 
 def with_constraints(problem: Problem) -> Problem:
@@ -33,7 +33,7 @@ def with_constraints(problem: Problem) -> Problem:
     if not held:
         return problem
     names = problem.data_names
-    x = prior_x_samples(problem, np.random.default_rng(0), N_DRAWS)
+    x = prior_x_samples(problem, np.random.default_rng(0), N_PRIOR_DRAWS)
     draws = {name: x[:, i] for i, name in enumerate(problem.names)}
     found = [_residual(names, draws, name) for name in held]
     rows, offsets = zip(*found, strict=True)
@@ -81,7 +81,9 @@ def _residual(
 ) -> tuple[Float[np.ndarray, " q"], float]:
     """Row and offset of the standardised residual of a coordinate."""
     given = [n for n in ("ln_B", "ln_L") if name == "ln_s" and n in names]
-    design = np.stack([np.ones(N_DRAWS), *(draws[other] for other in given)], axis=1)
+    design = np.stack(
+        [np.ones(N_PRIOR_DRAWS), *(draws[other] for other in given)], axis=1
+    )
     coefficients, *_ = np.linalg.lstsq(design, draws[name], rcond=None)
     sd = np.std(draws[name] - design @ coefficients)
     row = np.zeros(len(names))

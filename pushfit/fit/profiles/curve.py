@@ -37,7 +37,7 @@ SAME_ANGLE = 1e-6
 # `N_TOGETHER`.
 N_POOL, N_PLAIN_POOL = 8 * N_TOGETHER, 3 * N_TOGETHER
 # Δχ² that a search resolves best, that of 90 %.
-LEVEL = 2.7
+DELTA_CHI_SQUARE = 2.7
 # The curve sees no fit that has no θ_c, and on the hard switch a node may halt above
 # one that has: from some of its points, and from guesses or the valleys of a search
 # before, so many steps lead down with nothing held. The lowest so many ends are kept,
@@ -69,7 +69,7 @@ def search_curve(
         along=guessed if before is None else before.curve.points,
         down=guessed if before is None else before.valleys,
         reference_alpha=reference_alpha,
-        level=LEVEL,
+        level=DELTA_CHI_SQUARE,
     )
     return FitsAlong(
         observed=np.asarray(problem.observed),

@@ -17,7 +17,12 @@ from pushfit.fit.problem.derived import axis_within, critical_angles
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.setup import Setup
 from pushfit.fit.profiles.conditional_likelihood import imposable
-from pushfit.fit.profiles.curve import LEVEL, N_FIRST, first_values, fits_along
+from pushfit.fit.profiles.curve import (
+    DELTA_CHI_SQUARE,
+    N_FIRST,
+    first_values,
+    fits_along,
+)
 from pushfit.fit.profiles.curve_search import Fits
 from pushfit.fit.profiles.derived_profiles import implied_profiles
 from pushfit.fit.profiles.least_squares import costs_at, search_of
@@ -126,7 +131,7 @@ def _curves(
             index,
             along=pool,
             reference_alpha=reference_alpha,
-            level=LEVEL if np.isinf(level) else level,
+            level=DELTA_CHI_SQUARE if np.isinf(level) else level,
         )
         if is_found and reference_alpha == search.reference_alpha:
             curve = _weighed_anew(problem, search.curve)

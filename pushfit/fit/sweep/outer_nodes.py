@@ -40,7 +40,7 @@ N_NEAR = 4
 MARGIN = 0.1
 # Longest move along a ridge from one node to the next, as of a step of the search [log
 # units].
-MAX_MOVE = 1.5
+MAX_RIDGE_MOVE = 1.5
 # First guesses: ln C_rr in standard deviations from its prior mean, and ellipses: a
 # circle, and one of each way to lie.
 INNER_GUESSES = (-2.0, 0.0, 2.0)
@@ -243,11 +243,11 @@ def neighbouring(
     """
     u = nodes.y[:, 0]
     right = jnp.clip(jnp.searchsorted(u, at), 1, u.size - 1)
-    ridges = jax.vmap(lambda h: _ridge(target, h, is_free))(nodes.hessian)
+    ridges = jax.vmap(lambda h: _mode_slope(target, h, is_free))(nodes.hessian)
 
     def along(start: Int[Array, " m"]) -> Float[Array, "m q"]:
         move = ridges[start] * (at - u[start])[:, None]
-        return nodes.y[start] + jnp.clip(move, -MAX_MOVE, MAX_MOVE)
+        return nodes.y[start] + jnp.clip(move, -MAX_RIDGE_MOVE, MAX_RIDGE_MOVE)
 
     beyond = jnp.clip(right + 1, 1, u.size - 1)
     here = jnp.interp(at, u, nodes.cost)
@@ -258,7 +258,7 @@ def neighbouring(
     return jnp.stack(tried, axis=1).at[:, :, 0].set(at[:, None])
 
 
-def _ridge(
+def _mode_slope(
     target: Objective, hessian: Float[Array, "q q"], is_free: Bool[Array, " q"]
 ) -> Float[Array, " q"]:
     """Change of the conditional mode per unit of the first coordinate."""

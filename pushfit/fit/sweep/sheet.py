@@ -49,7 +49,7 @@ N_STRATA = 8
 # a quarter fewer draws count.
 FOLLOWED = 2.0
 # Longest move of the others from one inner node to the next, in logs.
-MAX_MOVE = 1.0
+MAX_INNER_MOVE = 1.0
 
 
 class Scale(eqx.Module):
@@ -135,7 +135,7 @@ def make_sheet(target: Target) -> Sheet:
         scale=scale,
         nodes=nodes,
         strata=jax.nn.softmax(volumes, axis=2),
-        ridge=jax.vmap(jax.vmap(lambda h: _ridge(target, h)))(nodes.hessian),
+        ridge=jax.vmap(jax.vmap(lambda h: _inner_ridge(target, h)))(nodes.hessian),
     )
 
 
@@ -210,11 +210,11 @@ def _moved(target: Target, node: Expansion, value: Scalar) -> Float[Array, " q"]
     information = node.hessian + target.precision
     order = np.array([1, *range(n_held, q)])
     slope = ridge_slope(information[order][:, order])
-    move = jnp.clip(slope * (value - node.y[1]), -MAX_MOVE, MAX_MOVE)
+    move = jnp.clip(slope * (value - node.y[1]), -MAX_INNER_MOVE, MAX_INNER_MOVE)
     return y.at[n_held:].add(move)
 
 
-def _ridge(target: Target, hessian: Float[Array, "q q"]) -> Float[Array, " 2"]:
+def _inner_ridge(target: Target, hessian: Float[Array, "q q"]) -> Float[Array, " 2"]:
     """Slope of the inner mode against u, and how far it may follow."""
     information = without_s(target, hessian + target.precision)
     limit = FOLLOWED / jnp.sqrt(schur(information[1:, 1:]))

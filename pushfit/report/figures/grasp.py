@@ -34,7 +34,7 @@ from pushfit.report.figures.style import (
     sheet,
     styled,
 )
-from pushfit.report.figures.sweeps import SHADE, Marker
+from pushfit.report.figures.sweeps import BAND_SHADE, Marker
 from pushfit.report.strings import unit_label
 
 if TYPE_CHECKING:
@@ -74,7 +74,9 @@ def _fan(
         low = limits[0] if start is None else start
         high = limits[1] if end is None else end
         ends = (-high, -low) if down else (low, high)
-        axes.add_patch(Wedge((0, 0), REACH, *ends, color=BLUE, alpha=2 * SHADE, lw=0))
+        axes.add_patch(
+            Wedge((0, 0), REACH, *ends, color=BLUE, alpha=2 * BAND_SHADE, lw=0)
+        )
         rim = {"theta1": ends[0], "theta2": ends[1], "capstyle": "butt"}
         axes.add_patch(Arc((0, 0), 2 * RIM, 2 * RIM, color=BLUE, lw=3, **rim))
         for tip, inward in ((start, 90.0), (end, -90.0)):

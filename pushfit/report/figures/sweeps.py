@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 # Entries of a legend side by side, below the panel, where no push can lie under them.
 LEGEND_COLUMNS = 4
 # Opacity of a set that is a hundredth of the axis wide, and must still be seen.
-SHADE = 0.16
+BAND_SHADE = 0.16
 # Opacity of a band: two that cross are still told apart from one. And of a set in polar
 # axes, where it is drawn on both ends of the axis.
 BAND, POLAR_SHADE = 0.18, 0.09
@@ -166,7 +166,7 @@ def draw_marker(
         left = low if start is None else max(start, low)
         right = high if end is None else min(end, high)
         if left < right:
-            axes.axvspan(left, right, color=colour, alpha=SHADE, lw=0, zorder=0)
+            axes.axvspan(left, right, color=colour, alpha=BAND_SHADE, lw=0, zorder=0)
             _draw_extent(axes, left, right, colour=colour)
             if sweep is not None:
                 grid = sweep.grid_deg

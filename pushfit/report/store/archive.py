@@ -16,7 +16,7 @@ from jaxtyping import Float
 
 from pushfit.fit.results import Identification, PosteriorResult
 from pushfit.report.json_values import json_safe
-from pushfit.report.store.summary_schema import SCHEMA
+from pushfit.report.store.summary_schema import SUMMARY_SCHEMA
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -103,7 +103,7 @@ def root_attributes(identification: Identification) -> dict[str, str | int | flo
         "config": identification.config.model_dump(mode="json"),
     }
     return {
-        "schema": SCHEMA,
+        "schema": SUMMARY_SCHEMA,
         "status": identification.status.name.lower(),
         "engine": identification.posterior.engine,
         "seed": identification.seed,
@@ -266,17 +266,17 @@ def _traces(identification: Identification) -> DatasetParts:
 
 
 # Of pushes in a force component, in the order of the first axis.
-SIGNED = ("start", "end", "baseline", "height")
+SIGNED_COLUMNS = ("start", "end", "baseline", "height")
 
 
 def _components(identification: Identification) -> DatasetParts:
     """Force components of the traces, three variables each, numbered."""
     data_vars: dict[str, object] = {}
-    coords: dict[str, object] = {"height": list(SIGNED)}
+    coords: dict[str, object] = {"height": list(SIGNED_COLUMNS)}
     for index, trace in enumerate(identification.table.traces):
         for k, component in enumerate(trace.components):
             key, moment = f"{index}_{k}", f"time_{index}_{k}"
-            heights = [getattr(component.heights, name) for name in SIGNED]
+            heights = [getattr(component.heights, name) for name in SIGNED_COLUMNS]
             attributes = {"units": trace.unit, "name": json_safe(component.name)}
             data_vars |= {
                 f"component_{key}": (moment, component.signal, attributes),

@@ -30,10 +30,10 @@ from pushfit.fit.results import (
     Verdict,
 )
 from pushfit.report.json_values import from_json
-from pushfit.report.store.archive import CURVES, SIGNED, one_row
+from pushfit.report.store.archive import CURVES, SIGNED_COLUMNS, one_row
 from pushfit.report.store.output_folder import EXPLORED
 from pushfit.report.store.summary import quantities_in
-from pushfit.report.store.summary_schema import SCHEMA, Fit, Summary, made_of
+from pushfit.report.store.summary_schema import SUMMARY_SCHEMA, Fit, Summary, made_of
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -70,10 +70,10 @@ def read_summary(folder: str | Path) -> dict[str, Any]:
             )
         raise DataError(f"{folder}: {reason}", code="not_a_result") from error
     schema = summary.get("schema") if isinstance(summary, dict) else None
-    if schema != SCHEMA:
+    if schema != SUMMARY_SCHEMA:
         raise DataError(
-            f"{path}: has the schema {schema!r}, and this version knows {SCHEMA!r}; "
-            "use the version of pushfit that wrote it",
+            f"{path}: has the schema {schema!r}, and this version knows "
+            f"{SUMMARY_SCHEMA!r}; use the version of pushfit that wrote it",
             code="other_schema",
         )
     return summary
@@ -288,5 +288,5 @@ def _components(groups: Groups, index: int) -> Iterator[ComponentTrace]:
             time=_array(stored, f"time_{key}"),
             signal=_array(stored, f"component_{key}"),
             is_jerk=stored[f"is_jerk_{key}"].to_numpy().astype(bool),
-            heights=SignedHeights(**dict(zip(SIGNED, heights, strict=True))),
+            heights=SignedHeights(**dict(zip(SIGNED_COLUMNS, heights, strict=True))),
         )

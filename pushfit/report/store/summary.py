@@ -22,7 +22,7 @@ from pushfit.report.store.summary_schema import (
     made_of,
 )
 
-ANGLES = ("theta_c", "alpha_star", "alpha_star_model_free")
+ANGLE_KEYS = ("theta_c", "alpha_star", "alpha_star_model_free")
 
 
 def summary_dict(identification: Identification) -> dict[str, Json]:
@@ -35,7 +35,7 @@ def summary_dict(identification: Identification) -> dict[str, Json]:
 
 def quantities_in(content: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
     """Name and entry of every quantity of a summary."""
-    angles = ((name, content[f"{name}_deg"]) for name in ANGLES)
+    angles = ((name, content[f"{name}_deg"]) for name in ANGLE_KEYS)
     yield from ((name, entry) for name, entry in angles if entry is not None)
     yield from content["parameters"].items()
     yield from content["combinations"].items()

@@ -26,7 +26,7 @@ from pushfit.fit.results import (
 from pushfit.parameters import SensorUnit
 from pushfit.report.frames import Correlation
 
-SCHEMA = "pushfit.summary/2"
+SUMMARY_SCHEMA = "pushfit.summary/2"
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 T = TypeVar("T")
@@ -182,7 +182,7 @@ class Summary:
         versions: Versions of what computed, of Python, and the platform.
     """
 
-    schema: Literal["pushfit.summary/2"] = SCHEMA
+    schema: Literal["pushfit.summary/2"] = SUMMARY_SCHEMA
     status: Status
     status_text: str
     n_pushes: int
@@ -221,7 +221,7 @@ def summary_schema() -> dict[str, Any]:
     """JSON schema (draft 2020-12) of `summary.json`."""
     schema = TypeAdapter(Summary).json_schema()
     del schema["$defs"]["Quantity"]["properties"]["name"]
-    return {"$schema": DIALECT, "$id": SCHEMA, **_strict(schema)}
+    return {"$schema": DIALECT, "$id": SUMMARY_SCHEMA, **_strict(schema)}
 
 
 def _strict(node: Any) -> Any:

@@ -13,7 +13,7 @@ from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import FitError
 from pushfit.explore.belief import from_fit
-from pushfit.explore.belief.belief import ANGLES, N_DRAWS, Question
+from pushfit.explore.belief.belief import ASKABLE, N_BELIEF_DRAWS, Question
 from pushfit.explore.belief.from_fit import believe
 from pushfit.explore.belief.learning import learnt, weighed
 from pushfit.explore.belief.tables import told_rows
@@ -206,7 +206,7 @@ def test_what_is_asked_turns_no_choice_of_the_mechanics():
     )
     found = identify_table(made, own.settings, seed=0, engine="sweep", is_brief=True)
     leading = found.by_mechanics[0].mechanics
-    for ask in ANGLES.values():
+    for ask in ASKABLE.values():
         assert believe(made, replace(own, ask=ask), 6).grasp.mechanics == leading
 
 
@@ -309,7 +309,7 @@ def test_heights_without_a_posterior_weigh_the_priors(monkeypatch):
     for row in told:
         alone = weighed(alone, row, own)
     np.testing.assert_allclose(belief.weights, alone.weights, rtol=EXACT)
-    assert belief.ess < N_DRAWS / 2
+    assert belief.ess < N_BELIEF_DRAWS / 2
 
 
 def sweep_of_azimuths():

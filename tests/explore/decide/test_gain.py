@@ -8,7 +8,7 @@ from scipy.integrate import trapezoid
 from scipy.special import entr, logsumexp
 from scipy.stats import norm
 
-from pushfit.explore.belief.belief import N_DRAWS
+from pushfit.explore.belief.belief import N_BELIEF_DRAWS
 from pushfit.explore.belief.predict import predict
 from pushfit.explore.decide.gain import N_LABELS, information_gain, labels, outlook
 from pushfit.explore.decide.intervals import AskedAngle
@@ -82,7 +82,7 @@ def test_gain_is_that_of_brute_force(channels):
     rng = np.random.default_rng(3)
     theta, alpha = np.radians([10.0, 40.0, 60.0, 80.0]), np.full(4, np.pi / 2)
     many = after_pushes(rng, N_INNER, channels=channels, ellipse=True)
-    few = {name: values[:N_DRAWS] for name, values in many.items()}
+    few = {name: values[:N_BELIEF_DRAWS] for name, values in many.items()}
     belief = belief_of(few, channels=channels)
     heights = predict(belief, theta, alpha).heights
     gains = {
@@ -117,10 +117,10 @@ def gain_by_quadrature(ratio):
 def test_gain_of_gaussian_readings_is_that_of_quadrature(ratio):
     """Part of the noise is what else differs, and two channels have r √2 each."""
     rng = np.random.default_rng(9)
-    angle, other = rng.standard_normal((2, N_DRAWS))
-    weights = np.full(N_DRAWS, 1 / N_DRAWS)
+    angle, other = rng.standard_normal((2, N_BELIEF_DRAWS))
+    weights = np.full(N_BELIEF_DRAWS, 1 / N_BELIEF_DRAWS)
     half = ratio / np.sqrt(2)
-    blurred = np.stack([angle + half * other, np.zeros(N_DRAWS)])
+    blurred = np.stack([angle + half * other, np.zeros(N_BELIEF_DRAWS)])
     twice = np.stack([angle, -3 * angle])
     sigmas = [half, 1.0], [np.sqrt(2) * ratio, 3 * np.sqrt(2) * ratio]
     for heights, sigma in zip((blurred, twice), sigmas, strict=True):
@@ -132,7 +132,7 @@ def test_gain_of_gaussian_readings_is_that_of_quadrature(ratio):
 def test_gain_by_weighted_draws_is_that_of_quadrature():
     """A second channel tells improbable draws apart, and those alone."""
     rng = np.random.default_rng(10)
-    angle = 2 * rng.standard_normal(N_DRAWS)
+    angle = 2 * rng.standard_normal(N_BELIEF_DRAWS)
     weights = norm.pdf(angle) / norm.pdf(angle, scale=2)
     improbable = 40 * np.maximum(np.abs(angle) - 4, 0)
     found = information_gain(
@@ -186,7 +186,7 @@ def test_no_gain_is_below_zero_or_makes_that_of_another_angle_smaller():
 def test_gain_is_zero_where_nothing_can_be_felt():
     """While the object rolls the height does not depend on the azimuth's ellipse."""
     rng = np.random.default_rng(5)
-    draws = prior_draws(N_DRAWS, rng, ellipse=True)
+    draws = prior_draws(N_BELIEF_DRAWS, rng, ellipse=True)
     belief = belief_of(draws)
     # Almost along the normal: A alone is felt, and A knows nothing of the ellipse.
     heights = predict(belief, np.radians([89.99]), np.zeros(1)).heights
@@ -236,8 +236,8 @@ def test_gain_does_not_depend_on_unit_or_zero_of_the_sensor():
 def test_outlook_of_gaussian_belief_is_that_of_the_linear_formula():
     """Prior sd 3, noise 4: the posterior sd is 2.4 and its 90 % interval 3.29 sd."""
     rng = np.random.default_rng(8)
-    values = 45 + 3 * rng.standard_normal(N_DRAWS)
-    weights = np.full(N_DRAWS, 1 / N_DRAWS)
+    values = 45 + 3 * rng.standard_normal(N_BELIEF_DRAWS)
+    weights = np.full(N_BELIEF_DRAWS, 1 / N_BELIEF_DRAWS)
     target = AskedAngle(values=values, is_axis=False, width=9.0, prob=0.9)
     found = outlook(values[None], target, weights=weights, sigma=np.array([4.0]))
     np.testing.assert_allclose(found.expected_width, 2 * 1.645 * 2.4, rtol=SHORTEST)
@@ -266,8 +266,8 @@ def test_outlook_is_the_mean_over_what_readings_may_leave():
 
 def test_outlook_of_an_axis_has_no_ends():
     rng = np.random.default_rng(13)
-    values = 90 + 5 * rng.standard_normal(N_DRAWS)
-    weights = np.full(N_DRAWS, 1 / N_DRAWS)
+    values = 90 + 5 * rng.standard_normal(N_BELIEF_DRAWS)
+    weights = np.full(N_BELIEF_DRAWS, 1 / N_BELIEF_DRAWS)
     middle, end = (
         outlook(
             values[None],

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pushfit.explore.belief.belief import N_DRAWS, Question
+from pushfit.explore.belief.belief import N_BELIEF_DRAWS, Question
 from pushfit.explore.decide.forecast import imagine, p_decided
 from pushfit.explore.decide.gain import information_gain
 from pushfit.explore.decide.intervals import AskedAngle, shortest_interval
@@ -35,7 +35,9 @@ def surveyor(ask=ANGLES):
 
 def belief(seed, noise=0.15):
     rng = np.random.default_rng(seed)
-    draws = after_pushes(rng, N_DRAWS, channels=COMPONENTS, ellipse=True, noise=noise)
+    draws = after_pushes(
+        rng, N_BELIEF_DRAWS, channels=COMPONENTS, ellipse=True, noise=noise
+    )
     return belief_of(draws, channels=COMPONENTS)
 
 
@@ -105,9 +107,9 @@ def test_a_forecast_is_that_of_imagined_pushes_one_by_one(width):
     share = p_decided((spread,), found.weights, (target,), n_pushes=n_each * k)
 
     again = np.random.default_rng(4)
-    truths = again.choice(N_DRAWS, size=48, p=found.weights)
+    truths = again.choice(N_BELIEF_DRAWS, size=48, p=found.weights)
     errors = again.standard_normal((k * 2, 48)) * sigma / np.sqrt(n_each)
-    predicted = heights.reshape(k * 2, N_DRAWS)
+    predicted = heights.reshape(k * 2, N_BELIEF_DRAWS)
     is_decided = []
     for t, truth in enumerate(truths):
         felt = predicted[:, truth] + errors[:, t]

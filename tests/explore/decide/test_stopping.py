@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pushfit.explore.belief.belief import N_DRAWS
+from pushfit.explore.belief.belief import N_BELIEF_DRAWS
 from pushfit.explore.belief.predict import predict
 from pushfit.explore.decide.stopping import Judge
 from pushfit.explore.limits import Limits
@@ -77,8 +77,8 @@ def test_only_a_repetition_that_counts_tells_of_a_slip():
 def test_an_axis_is_decided_across_its_end():
     question = explorer(ask="alpha_star").question
     rng = np.random.default_rng(1)
-    draws = prior_draws(N_DRAWS, rng, ellipse=True)
-    draws["alpha_star"] = np.mod(rng.normal(0.0, 1.0, N_DRAWS), 180.0)
+    draws = prior_draws(N_BELIEF_DRAWS, rng, ellipse=True)
+    draws["alpha_star"] = np.mod(rng.normal(0.0, 1.0, N_BELIEF_DRAWS), 180.0)
     belief = belief_of(draws)
     for reach, is_decided in (((0.0, 180.0), True), ((0.0, 170.0), False)):
         config = question.config.with_keys("reach", alpha_deg=reach)
@@ -88,8 +88,8 @@ def test_an_axis_is_decided_across_its_end():
 
 @pytest.mark.parametrize(("share", "is_settled"), [(0.85, False), (0.95, True)])
 def test_an_angle_is_absent_with_the_probability_of_an_interval(share, is_settled):
-    draws = prior_draws(N_DRAWS, np.random.default_rng(1))
-    is_there = np.arange(N_DRAWS) >= share * N_DRAWS
+    draws = prior_draws(N_BELIEF_DRAWS, np.random.default_rng(1))
+    is_there = np.arange(N_BELIEF_DRAWS) >= share * N_BELIEF_DRAWS
     draws["theta_c"] = np.where(is_there, 40.0, np.nan)
     belief = belief_of(draws)
     intervals = JUDGE.intervals(belief, explorer().question)

@@ -10,7 +10,7 @@ import scipy
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.checks.violations import (
-    LEVEL,
+    NAMING_LEVEL,
     Violation,
     _constant,
     _heavy_tailed,
@@ -104,7 +104,7 @@ def found(kind: str) -> list[tuple[Violation, ...]]:
 def test_what_is_violated_is_mostly_what_is_named(kind, code):
     """Of twelve tables more than half name it, and no more than one another."""
     first = [alternatives[0] for alternatives in found(kind)]
-    named = [v.code for v in first if v.p_value < LEVEL]
+    named = [v.code for v in first if v.p_value < NAMING_LEVEL]
     assert named.count(code) > N_TABLES / 2
     assert len(named) - named.count(code) <= 1
 
@@ -112,7 +112,7 @@ def test_what_is_violated_is_mostly_what_is_named(kind, code):
 def test_nothing_is_named_where_nothing_is_violated():
     """Six tests of twelve tables at 1e-3: two false alarms once in 10³ seeds."""
     alternatives = [v for table in found("nothing") for v in table]
-    assert sum(v.p_value < LEVEL for v in alternatives) <= 1
+    assert sum(v.p_value < NAMING_LEVEL for v in alternatives) <= 1
 
 
 @pytest.fixture(scope="module")
@@ -167,7 +167,7 @@ def test_noise_of_several_sizes_is_not_called_heavy_tailed_too():
     one = fit_table(pushes("proportional", 0), config(CONSTANT))
     first, *others = violations(one.table, one.setup, one.fit, slopes=one.slopes)
     assert first.code == "looks_proportional"
-    assert first.p_value < LEVEL
+    assert first.p_value < NAMING_LEVEL
     assert "looks_heavy_tailed" not in {violation.code for violation in others}
 
 
@@ -196,7 +196,7 @@ def test_a_constant_of_either_sign_has_the_chance_of_a_t_test(sign):
 def test_residuals_without_tails_are_not_heavy_tailed():
     light = _heavy_tailed(np.linspace(-1.0, 1.0, 200))
     assert light is not None
-    assert light.p_value > 1 - LEVEL
+    assert light.p_value > 1 - NAMING_LEVEL
 
 
 def test_scatter_that_falls_where_heights_are_steep_is_no_error_of_angles():
@@ -205,8 +205,8 @@ def test_scatter_that_falls_where_heights_are_steep_is_no_error_of_angles():
     size = np.linspace(0.0, 100.0, 200)
     steep = _steep(free, size)
     assert steep is not None
-    assert steep.p_value > 1 - LEVEL
-    assert _tall(free, size, False).p_value > 1 - LEVEL
+    assert steep.p_value > 1 - NAMING_LEVEL
+    assert _tall(free, size, False).p_value > 1 - NAMING_LEVEL
 
 
 @pytest.mark.parametrize(("noise", "is_rounding"), [(0.0, True), (0.3, False)])
@@ -231,7 +231,7 @@ def test_no_joint_errs_by_as_much_as_a_wrong_model_may_ask_for(error_deg, is_nam
     slope = np.linspace(0.0, 100.0, 200)
     free = np.radians(error_deg) * slope * rng.standard_normal(200)
     steep = _steep(free + rng.standard_normal(200), slope)
-    assert (steep is not None and steep.p_value < LEVEL) == is_named
+    assert (steep is not None and steep.p_value < NAMING_LEVEL) == is_named
 
 
 def test_errors_of_ten_degrees_are_said_without_an_exponent():
@@ -368,7 +368,7 @@ def test_heights_are_tall_in_units_of_the_noise_of_their_component(share, is_nam
     each = [
         violations(one.table, one.setup, one.fit, slopes=one.slopes) for one in fitted
     ]
-    named = [found[0].code for found in each if found[0].p_value < LEVEL]
+    named = [found[0].code for found in each if found[0].p_value < NAMING_LEVEL]
     assert (named.count("looks_proportional") > N_TABLES / 2) is is_named
 
 

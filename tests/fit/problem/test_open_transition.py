@@ -18,7 +18,7 @@ from pushfit.data.truth import stated_parameters
 from pushfit.errors import ConfigError
 from pushfit.explore.belief.from_fit import belief_from
 from pushfit.explore.belief.predict import predict
-from pushfit.fit.problem.constraint_terms import N_DRAWS
+from pushfit.fit.problem.constraint_terms import N_PRIOR_DRAWS
 from pushfit.fit.problem.derived import samples_mapping
 from pushfit.fit.problem.encoding import encode, prior_x_samples
 from pushfit.fit.problem.predictions import predict_draws
@@ -160,8 +160,8 @@ def test_the_best_fit_weighs_the_sharpness_against_its_prior(setup):
 
     slopes = jax.jit(jax.jacfwd(residuals))
     mean, sd = held_moments(setup.problem)
-    assert abs(mean - np.log(MEDIAN)) < N_SE * SD_LOG / np.sqrt(N_DRAWS)
-    assert abs(sd - SD_LOG) < N_SE * SD_LOG / np.sqrt(2 * N_DRAWS)
+    assert abs(mean - np.log(MEDIAN)) < N_SE * SD_LOG / np.sqrt(N_PRIOR_DRAWS)
+    assert abs(sd - SD_LOG) < N_SE * SD_LOG / np.sqrt(2 * N_PRIOR_DRAWS)
     np.testing.assert_allclose(total(best), fit.chi_square, rtol=SOLVED)
     assert total(best - 0.1) > fit.chi_square
     assert total(best + 0.1) > fit.chi_square

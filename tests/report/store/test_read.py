@@ -14,7 +14,7 @@ from pushfit.data.tables.traces import ComponentTrace, SignedHeights
 from pushfit.errors import DataError
 from pushfit.report.html.result import render_html
 from pushfit.report.store import folder as folder_module
-from pushfit.report.store.archive import SIGNED
+from pushfit.report.store.archive import SIGNED_COLUMNS
 from pushfit.report.store.folder import write_result_folder
 from pushfit.report.store.read import read_result
 from pushfit.report.store.summary import summary_dict
@@ -138,7 +138,7 @@ def test_force_components_come_back_with_the_traces_that_have_them(
             signal=np.append(rng.normal(size=n - 1), np.nan),
             is_jerk=rng.random(n) < 0.5,
             heights=SignedHeights(
-                **{field: rng.normal(size=table.n_pushes) for field in SIGNED}
+                **{field: rng.normal(size=table.n_pushes) for field in SIGNED_COLUMNS}
             ),
         )
         for name, n in (("fx", 7), ("wrench/force.z", 9))
@@ -152,7 +152,7 @@ def test_force_components_come_back_with_the_traces_that_have_them(
         assert after.name == before.name
         for name in ("time", "signal", "is_jerk"):
             np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
-        for name in SIGNED:
+        for name in SIGNED_COLUMNS:
             np.testing.assert_array_equal(
                 getattr(after.heights, name), getattr(before.heights, name)
             )

@@ -30,7 +30,7 @@ from pushfit.data.recordings.bags.repair import (
     message_types,
     salvaged_mcap,
 )
-from pushfit.data.recordings.recognise import ANGLES
+from pushfit.data.recordings.recognise import DIRECTION_COLUMNS
 from pushfit.data.recordings.samples import Samples
 from pushfit.data.text.faults import listed, refuse, refuse_too_large
 from pushfit.data.text.files import FileStamp, Source, sha256_of
@@ -106,7 +106,7 @@ def read_bag(
         "ROS 1 bag" if files[0].suffix == ".bag" else f"ROS 2 bag ({files[0].suffix})"
     )
     dialect = f"{kind}: {', '.join(f'{t} ({types[t]})' for t in sorted(types))}"
-    fields = sorted(fields, key=lambda own: own.name in ANGLES)
+    fields = sorted(fields, key=lambda own: own.name in DIRECTION_COLUMNS)
     return Samples(
         path=path,
         time=time,

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from pushfit.data.recordings.recognise import ANGLES
+from pushfit.data.recordings.recognise import DIRECTION_COLUMNS
 from pushfit.data.text.faults import listed, refuse
 from pushfit.data.text.layout_guess import NUMBER
 from pushfit.data.units import UNITS, Unit, parse_unit, split_unit, volts_of
@@ -82,7 +82,7 @@ def mapped_fields(
             for unit in (suffix, *_stated(units, name, key))
             if unit
         ]
-        quantity = "angle" if name in ANGLES else "signal"
+        quantity = "angle" if name in DIRECTION_COLUMNS else "signal"
         unit = known[0] if known and all(map(known[0].equals, known)) else None
         if unit is None or unit.quantity != quantity:
             found = " and ".join(dict.fromkeys(u.name for u in known)) or "none"

@@ -24,7 +24,7 @@ N_PRIOR_POINTS = 2049
 # A table ends where the log density is this far below its peak.
 DEPTH = 80.0
 # Smallest share of the scale of a prior that counts as positive.
-TINY = 1e-9
+SMALLEST_SHARE = 1e-9
 
 Values = Float[np.ndarray, "..."]
 
@@ -77,11 +77,14 @@ def prior_density(prior: Prior) -> LogDensity:
         centre, scale = np.log(first), second
         lower, upper = centre - N_SD * scale, centre + N_SD * scale
     elif prior.kind == "uniform":
-        lower, upper = np.log(max(first, TINY * second)), np.log(second)
+        lower, upper = np.log(max(first, SMALLEST_SHARE * second)), np.log(second)
         scale = upper - lower
     else:
         top = first + N_SD * second
-        lower, upper = np.log(max(first - N_SD * second, TINY * top)), np.log(top)
+        lower, upper = (
+            np.log(max(first - N_SD * second, SMALLEST_SHARE * top)),
+            np.log(top),
+        )
         scale = second / max(first + second, second)
     grid = np.linspace(lower, upper, N_PRIOR_POINTS)
     # Rounding at the bounds of a uniform prior must not leave its support.
