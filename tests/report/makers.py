@@ -349,7 +349,7 @@ def make_profile() -> LikelihoodProfile:
 def make_identifiability() -> IdentifiabilityResult:
     """Three of five directions are known, the ratio of the springs is not."""
     return IdentifiabilityResult(
-        combinations=(
+        directions=(
             Combination(
                 formula="K_sn K_dn/(K_sn + K_dn)",
                 singular_value=90.0,

@@ -42,27 +42,27 @@ def identifiability(
         prior_samples: Draws from the prior, which give the prior spread along V.
 
     Returns:
-        One combination per free parameter, best determined first; no advice yet.
+        One direction per free parameter, best determined first; no advice yet.
     """
     names = tuple(name for name in (*POSITIVE, *SIGNED) if name in problem.priors)
     middle = np.array([median(_scaled(n, samples[n])) for n in names])
     jacobian = _log_jacobian(problem, middle, names)
-    _, singular_values, directions = np.linalg.svd(jacobian, full_matrices=True)
+    _, singular_values, vectors = np.linalg.svd(jacobian, full_matrices=True)
     spread = np.array([np.var(_scaled(n, prior_samples[n])) for n in names])
-    combinations = []
-    for value, direction in zip(singular_values, directions, strict=True):
-        prior_variance = float(direction**2 @ spread)
+    directions = []
+    for value, vector in zip(singular_values, vectors, strict=True):
+        prior_variance = float(vector**2 @ spread)
         removed = 1 - 1 / (1 + value**2 * prior_variance)
-        combinations.append(
+        directions.append(
             Combination(
-                formula=power_product(names, direction),
+                formula=power_product(names, vector),
                 singular_value=float(value),
                 is_determined=bool(removed > MIN_CONTRACTION),
             )
         )
     floor = RANK_TOLERANCE * singular_values.max()
     return IdentifiabilityResult(
-        combinations=tuple(combinations),
+        directions=tuple(directions),
         rank=int(np.sum(singular_values > floor)),
         n_parameters=len(names),
         advice=(),

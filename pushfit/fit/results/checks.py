@@ -32,13 +32,13 @@ class IdentifiabilityResult:
     """What the data can and cannot tell, and what would help.
 
     Args:
-        combinations: Directions in parameter space, best determined first.
+        directions: In the logs of the parameters, best determined first.
         rank: Number of directions that the data fix.
         n_parameters: Number of free parameters.
         advice: Sentences: one measurement each and what it would determine.
     """
 
-    combinations: tuple[Combination, ...]
+    directions: tuple[Combination, ...]
     rank: int
     n_parameters: int
     advice: tuple[str, ...]

@@ -137,7 +137,6 @@ def _identification(
     table = replace(
         table, sources=document.inputs, notes=document.notes, traces=_traces(groups)
     )
-    found = document.identifiability
     return made_of(
         Identification,
         document,
@@ -152,9 +151,7 @@ def _identification(
         parameters=tuple(document.parameters.values()),
         combinations=tuple(document.combinations.values()),
         profiles=_profiles(groups),
-        identifiability=made_of(
-            IdentifiabilityResult, found, combinations=found.directions
-        ),
+        identifiability=made_of(IdentifiabilityResult, document.identifiability),
         bands=_bands(groups),
         status=_status(document.status),
         versions=dict(document.versions),

@@ -44,7 +44,7 @@ def quantities_in(content: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, A
 
 def _summary(identification: Identification) -> Summary:
     status = identification.status
-    found, table = identification.identifiability, identification.table
+    table = identification.table
     return made_of(
         Summary,
         identification,
@@ -65,7 +65,7 @@ def _summary(identification: Identification) -> Summary:
         correlations=correlations(identification),
         fit=_fit(identification.fit),
         posterior=_posterior(identification.posterior),
-        identifiability=made_of(Identifiability, found, directions=found.combinations),
+        identifiability=made_of(Identifiability, identification.identifiability),
         notes=table.notes,
         inputs=table.sources,
         config=identification.config.model_dump(mode="json"),

@@ -193,8 +193,8 @@ def test_heights_fix_three_directions_of_six(determined):
     """The rank of the Jacobian on the table's own pushes is that of (A, B, C_rr)."""
     found = determined.identifiability
     assert (found.rank, found.n_parameters) == (3, 6)
-    assert [c.is_determined for c in found.combinations] == [True] * 3 + [False] * 3
-    assert all("L" not in c.formula.split(" · ")[0] for c in found.combinations[:1])
+    assert [c.is_determined for c in found.directions] == [True] * 3 + [False] * 3
+    assert all("L" not in c.formula.split(" · ")[0] for c in found.directions[:1])
 
 
 def test_one_azimuth_gives_no_direction(determined):
