@@ -180,14 +180,13 @@ class Planner:
         schedule: Path | None = None,
         **about: Any,
     ) -> Item:
-        plan = None if schedule is None else str(schedule)
-        plan_sha256 = None if plan is None else self._digest(plan)
+        schedule_sha256 = None if schedule is None else self._digest(str(schedule))
         # By the content alone, from 0 to 2³¹ - 1.
         drawn = digest_of({"seed": self._seed, "content": sha256})
         seed = int(drawn[:8], 16) >> 1
         parts = {
             "content": sha256,
-            "schedule": plan_sha256,
+            "schedule": schedule_sha256,
             "config": config.digest(),
             "seed": seed,
         }
@@ -200,8 +199,8 @@ class Planner:
         key = digest_of(self._common | parts)
         return Item(
             sha256=sha256,
-            schedule=plan,
-            schedule_sha256=plan_sha256,
+            schedule=None if schedule is None else str(schedule),
+            schedule_sha256=schedule_sha256,
             config=config,
             seed=seed,
             key=key,
