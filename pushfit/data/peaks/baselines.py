@@ -20,7 +20,7 @@ _BEYOND = 3.0
 # Mean square of so many parts over that of noise.
 _BY_CHANCE = 1 + _BEYOND * (2 / N_PARTS) ** 0.5
 # The farthest of a wave is so many times as far off as the half beside the push. At two
-# thirds, pulls on slow waves grow from 1.9 to 2.3. Of the smaller half of all parts
+# thirds, errors on slow waves grow from 1.9 to 2.3 sd. Of the smaller half of all parts
 # they were 13 where four lay on the line by chance.
 _FARTHEST = 3.0
 # A cubic between two levels keeps off the line by this share of the time between them,

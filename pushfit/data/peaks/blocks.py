@@ -18,8 +18,8 @@ _BLOCK, _SMALL_BLOCK = 16, 8
 # Of a rest that are looked at, counted from the push: 16 large blocks. The sds of
 # `force_N`, whose noise is slow, change with it.
 MAX_SAMPLES = 256
-# Parts of a rest whose means show that its level is not steady. With half of them pulls
-# of triangles on short waves grow from 1.5 to 3.0, with twice as many to 2.1.
+# Parts of a rest whose means show that its level is not steady. With half of them
+# errors of triangles on short waves grow from 1.5 to 3.0 sd, with twice as many to 2.1.
 N_PARTS = 8
 # A variance from fewer is off by a quarter and more. With two, 9 of 12 heights of
 # `p2_Pa` move, by up to 0.9 sd; with eight few rests suffice.

@@ -16,7 +16,7 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import PushfitError
 from pushfit.fit.identify.fitted import Fitted, Listener
 from pushfit.fit.identify.identify_table import identify_table
-from pushfit.fit.identify.result_row import Cell, flat_values, pooled_draws
+from pushfit.fit.identify.result_row import Cell, pooled_draws, row_values
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.sweep.prior import marginal_priors
 
@@ -26,7 +26,7 @@ class ItemResult:
     """What one table told, as one row.
 
     Args:
-        values: Cells by column; see `pushfit.fit.identify.result_row.flat_values`.
+        values: Cells by column; see `pushfit.fit.identify.result_row.row_values`.
         draws: Posterior draws by name, draw by draw; see
             `pushfit.fit.identify.result_row.pooled_draws`.
     """
@@ -65,7 +65,7 @@ def _identify_one(
     except PushfitError as error:
         return error
     priors = marginal_priors(heard.problems[found.mechanics])
-    return ItemResult(values=flat_values(found), draws=pooled_draws(found, priors))
+    return ItemResult(values=row_values(found), draws=pooled_draws(found, priors))
 
 
 class _Heard(Listener):

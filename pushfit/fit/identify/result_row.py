@@ -32,7 +32,7 @@ MIN_ANGLE_DEG = 1e-3
 MIN_DENSITY = 1e-6
 
 
-def flat_values(identification: Identification) -> dict[str, Cell]:
+def row_values(identification: Identification) -> dict[str, Cell]:
     """Everything that one row of a table of results says.
 
     Returns:

@@ -165,7 +165,7 @@ def _of_means(problem: Problem) -> tuple[Problem, float]:
     pooled = pool_repeats(problem)
     means = pooled.problem
     mask, sigma = np.asarray(means.mask), np.array(means.reference_sigma)
-    scatter = float(np.sum((np.asarray(pooled.scatter) / sigma**2)[mask]))
+    scatter = float(np.sum((np.asarray(pooled.sum_of_squares) / sigma**2)[mask]))
     sigma[mask] /= np.sqrt(np.asarray(pooled.count)[mask])
     return replace(means.of_data, reference_sigma=as_float(sigma)), scatter
 

@@ -87,7 +87,7 @@ def channel_log_likelihood(
         logs = log_product(variance)
     else:
         logs = jnp.sum(count * jnp.log(variance))
-    squares = jnp.sum(count * square + pooled.scatter[channel] / variance)
+    squares = jnp.sum(count * square + pooled.sum_of_squares[channel] / variance)
     return -(jnp.sum(count) * LN_2PI + logs + squares) / 2
 
 
@@ -106,7 +106,7 @@ def log_likelihood_of_sigma(
     """Log likelihood of a channel at several values of its sampled noise."""
     sd, count = pooled.problem.sd[channel], pooled.count[channel]
     if pooled.problem.likelihood == "normal" and not pooled.has_sd:
-        squares = jnp.sum(count * difference**2 + pooled.scatter[channel])
+        squares = jnp.sum(count * difference**2 + pooled.sum_of_squares[channel])
         constant = jnp.sum(count) * (ln_sigma + LN_2PI / 2)
         return -constant - squares / 2 * jnp.exp(-2 * ln_sigma)
 
@@ -217,7 +217,7 @@ def _ln_scale(pooled: Pooled, channel: int, difference: Float[Array, " n"]) -> S
     """About the most likely ln σ: the scatter beyond what is given."""
     count, sd = pooled.count[channel], pooled.problem.sd[channel]
     n = jnp.maximum(jnp.sum(count), 1.0)
-    squares = count * difference**2 + pooled.scatter[channel]
+    squares = count * difference**2 + pooled.sum_of_squares[channel]
     mask = pooled.problem.mask[channel]
     square = jnp.maximum(jnp.sum(squares) / n, LEAST_SQUARE)
     if pooled.problem.likelihood != "normal":

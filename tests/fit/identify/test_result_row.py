@@ -7,8 +7,8 @@ import pytest
 from scipy import stats
 
 from pushfit.fit.identify.result_row import (
-    flat_values,
     prior_of_angle,
+    row_values,
     tabulated_prior,
 )
 from pushfit.fit.problem.priors.distributions import default_priors
@@ -63,7 +63,7 @@ def test_the_prior_of_the_angle_is_a_density_in_degrees():
 @pytest.mark.parametrize(("estimate", "on_axis"), [(178.0, 178.0), (3.0, 183.0)])
 def test_an_axis_lies_between_the_ends_of_its_interval(estimate, on_axis):
     axis = make_angle("alpha_star", estimate, interval=(174.0, 187.0))
-    row = flat_values(replace(make_whole(with_alpha=True), alpha_star=axis))
+    row = row_values(replace(make_whole(with_alpha=True), alpha_star=axis))
     assert row["alpha_star_deg"] == on_axis
     assert row["alpha_star_low_deg"] < on_axis < row["alpha_star_high_deg"]
 
@@ -74,7 +74,7 @@ def test_an_axis_lies_between_the_ends_of_its_interval(estimate, on_axis):
 def test_an_axis_has_its_period_where_all_azimuths_are_reached(alpha_deg, period):
     whole = make_whole(with_alpha=True)
     settings = whole.config.with_keys("reach", alpha_deg=alpha_deg)
-    row = flat_values(replace(whole, config=settings))
+    row = row_values(replace(whole, config=settings))
     assert row["alpha_star_period_deg"] == period
 
 

@@ -29,14 +29,14 @@ class Pooled(eqx.Module):
     Args:
         problem: Its `observed` are means; padded rows are masked.
         count: Number of heights behind each mean; 0 for padding.
-        scatter: Sum of squares of the heights about their mean [table unit²].
+        sum_of_squares: Of the heights about their mean [table unit²].
         has_sd: Whether any height has a known part of its noise.
         is_single: Whether each row is one height.
     """
 
     problem: Problem
     count: Float[Array, "c n"]
-    scatter: Float[Array, "c n"]
+    sum_of_squares: Float[Array, "c n"]
     has_sd: bool = eqx.field(static=True)
     is_single: bool = eqx.field(static=True)
 
@@ -62,8 +62,8 @@ def pool_repeats(problem: Problem) -> Pooled:
     theta, alpha = angles[:, first[at]]
     count = np.bincount(group, minlength=n).astype(float)
     mean = np.stack([np.bincount(group, row, minlength=n) / count for row in observed])
-    scatter = (observed - mean[:, group]) ** 2
-    scatter = np.stack([np.bincount(group, row, minlength=n) for row in scatter])
+    squares = (observed - mean[:, group]) ** 2
+    squares = np.stack([np.bincount(group, row, minlength=n) for row in squares])
 
     pushes = Pushes(padded(theta, 0.5), padded(alpha, 0.0))
     repeats = np.arange(pushes.theta.size)[:, None] == direction
@@ -83,7 +83,7 @@ def pool_repeats(problem: Problem) -> Pooled:
     return Pooled(
         pooled,
         as_float(np.where(mask, padded(count, 0.0), 0.0)),
-        as_float(padded(scatter, 0.0)),
+        as_float(padded(squares, 0.0)),
         has_sd=has_sd,
         is_single=is_single,
     )
