@@ -61,7 +61,7 @@ def forward(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) -> Chann
         grasp: Push length, preload and sensor.
 
     Returns:
-        Heights of every push [sensor units], and whether the finger stays in contact.
+        Heights of every push [table unit], and whether the finger stays in contact.
 
     Raises:
         ConfigError: Arrays of other lengths than the pushes, as draws of parameters,

@@ -72,7 +72,7 @@ def simulate_table(
         theta: Elevations, broadcast against `alpha` [rad].
         alpha: Azimuths [rad].
         repeats: Pushes per direction, in a row.
-        noise: Standard deviation of a height, one or per push [unit].
+        noise: Standard deviation of a height, one or per push [table unit].
         rng: Source of the noise.
         channels: Which of `height`, `height_normal`, `height_tangential` to give.
         unit: Unit that the sensor's `gain` gives.

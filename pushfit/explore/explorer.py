@@ -81,7 +81,7 @@ class Explorer:
         seed: Seed of all randomness.
         sigma: Standard deviation of the heights of repeated pushes; None where it is
             to be learned, which takes `MIN_UNKNOWN_NOISE` pushes of
-            `pushfit.explore.decide.stopping` before anything is decided [unit].
+            `pushfit.explore.decide.stopping` before anything is decided [table unit].
         channels: Height channels that are told: `height`, or `height_normal` and
             `height_tangential`.
         unit: Unit of the heights: `n`, `kpa`, `counts` or `au`.
@@ -216,8 +216,8 @@ class Explorer:
         Args:
             theta: Elevation reached [rad].
             alpha: Azimuth reached [rad].
-            heights: Heights, by channel if there are several [unit].
-            sd: Standard deviations in the same form; None where none is known [unit].
+            heights: Heights, by channel if there are several [table unit].
+            sd: Their standard deviations; None where none is known [table unit].
             flags: Words of the peak extraction, joined by ";".
             length_share: Length reached, as a share of the push length; None where it
                 is that of the push asked for.

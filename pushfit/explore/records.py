@@ -119,8 +119,8 @@ class ToldPush:
     Args:
         theta: Elevation reached [rad].
         alpha: Azimuth reached [rad].
-        heights: Height by channel [unit].
-        sd: Standard deviation by channel; None where none was stated [unit].
+        heights: Height by channel [table unit].
+        sd: Standard deviation by channel; None where none was stated [table unit].
         length_share: Length reached, as a share of the push length.
         flags: Words of the peak extraction, joined by ";".
         is_attached: Whether it was made before this exploration.

@@ -145,7 +145,7 @@ class Grasp(eqx.Module):
         push_length: S_p [m].
         preload: F_0, normal force before the push [N].
         gain: Sensor units per newton.
-        offset: Sensor reading added to the magnitude `height` [sensor units].
+        offset: Sensor reading added to the magnitude `height` [table unit].
         sharpness: p of the soft transition, at least 1; the number infinity is the
             paper's hard switch [-].
         support_span: |AB|, distance between two supports [m]; None is the paper's
@@ -233,9 +233,9 @@ class Channels(eqx.Module):
     """What sensors would report for each push, as changes from before the push.
 
     Args:
-        height: Magnitude, gain (|F| - F_0) + offset [sensor units].
-        height_normal: Normal component, gain (F_n - F_0) [sensor units].
-        height_tangential: Tangential magnitude, gain F_pt [sensor units].
+        height: Magnitude, gain (|F| - F_0) + offset [table unit].
+        height_normal: Normal component, gain (F_n - F_0) [table unit].
+        height_tangential: Tangential magnitude, gain F_pt [table unit].
         in_contact: False where the push has lifted the finger off.
     """
 

@@ -51,7 +51,7 @@ class Apex:
     """Tops of humps.
 
     Args:
-        height: Level of the top [unit of the samples].
+        height: Level of the top [unit].
         sd: Standard deviation of the level, NaN where no shape has its top inside.
         position: Where the top is, on the window [-1, 1].
         misfit: Mean squared residual of the best shape over the squared noise; about 1

@@ -102,9 +102,9 @@ class PeakTable:
         Args:
             theta: Elevation of every push [rad].
             alpha: Azimuth of every push [rad].
-            heights: Heights by channel name [unit].
+            heights: Heights by channel name [table unit].
             unit: Unit of all heights: `n`, `kpa`, `counts` or `au`.
-            sd: Standard deviations by channel name [unit].
+            sd: Standard deviations by channel name [table unit].
             repeat: Repeat number of every push; None numbers equal directions.
             flags: Flag words of every push, joined by ";".
 
@@ -168,7 +168,7 @@ class PeakTable:
         return tuple(c for c in CHANNELS if f"{c}_{self.unit}" in self.frame)
 
     def heights(self, channel: str) -> Float[np.ndarray, " n"]:
-        """Heights of a channel [unit].
+        """Heights of a channel [table unit].
 
         Args:
             channel: `height`, `height_normal` or `height_tangential`.
@@ -185,7 +185,7 @@ class PeakTable:
         return self.frame[f"{channel}_{self.unit}"].to_numpy(dtype=float)
 
     def sd(self, channel: str) -> Float[np.ndarray, " n"] | None:
-        """Standard deviations of a channel's heights; None where not given [unit]."""
+        """Standard deviations of a channel's heights; None if absent [table unit]."""
         name = f"{channel}_sd_{self.unit}"
         return self.frame[name].to_numpy(dtype=float) if name in self.frame else None
 
@@ -231,8 +231,8 @@ class PeakTable:
             s² = Σ_g Σ_i (h_gi - mean_g)² / Σ_g (n_g - 1)
 
         Returns:
-            s, NaN without repeats [unit], and its degrees of freedom. Only pushes that
-            are used count.
+            s, NaN without repeats [table unit], and its degrees of freedom. Only pushes
+            that are used count.
 
         Examples:
             >>> heights = {"height": np.array([1.0, 1.2, 3.0])}

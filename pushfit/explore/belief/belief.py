@@ -47,7 +47,7 @@ class Question:
         channels: Height channels of the sensor.
         unit: Unit of the heights.
         sigma: Stated standard deviation of a height; None where it is to be learned
-            [unit].
+            [table unit].
         reference_alpha: Azimuth at which θ_c is asked for [rad].
     """
 
@@ -93,8 +93,8 @@ class Belief:
         samples: Draws by name: the parameters, F_0 and p where they are free, and the
             angles theta_c and alpha_star [deg].
         log_weights: Log of the weight of every draw, up to a constant.
-        scatter: Noise that is not stated with each height, by channel and draw [unit].
-        sd: Noise to expect that is stated with a height, by channel [unit].
+        scatter: Noise that no height states, by channel and draw [table unit].
+        sd: Noise to expect that is stated with a height, by channel [table unit].
         is_sd_used: Whether the sd stated with a height counts.
         channels: Names of the rows of `scatter`.
         grasp: What is known of grasp and sensor.
@@ -152,7 +152,7 @@ class Belief:
 
     @property
     def sigma(self) -> Float[np.ndarray, " c"]:
-        """Noise to expect of the next height, by channel [unit]."""
+        """Noise to expect of the next height, by channel [table unit]."""
         variance = (self.scatter**2) @ self.weights + self.sd**2
         return np.sqrt(variance)
 
@@ -162,10 +162,10 @@ class Belief:
         return {name: self.samples[name] for name in PARAMETERS if name in self.samples}
 
     def noise(self, sd: Float[np.ndarray, " c"] | None) -> Float[np.ndarray, "c n"]:
-        """Noise of a height, by channel and draw [unit].
+        """Noise of a height, by channel and draw [table unit].
 
         Args:
-            sd: Standard deviations stated with the height [unit].
+            sd: Standard deviations stated with the height [table unit].
         """
         stated = self.sd if sd is None or not self.is_sd_used else sd
         return np.hypot(self.scatter, stated[:, None])
@@ -179,9 +179,9 @@ class Belief:
         """The belief after one more push.
 
         Args:
-            heights: Measured heights, by channel [unit].
-            predicted: Noise-free height of the push, by channel and draw [unit].
-            sd: Standard deviations stated with the heights [unit].
+            heights: Measured heights, by channel [table unit].
+            predicted: Noise-free height of the push, by channel and draw [table unit].
+            sd: Standard deviations stated with the heights [table unit].
         """
         noise = self.noise(sd)
         r = (heights[:, None] - predicted) / noise

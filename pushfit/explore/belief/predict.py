@@ -28,7 +28,7 @@ class Predicted:
     """What draws say of some pushes.
 
     Args:
-        heights: Noise-free heights, by push, channel and draw [unit].
+        heights: Noise-free heights, by push, channel and draw [table unit].
         force: Magnitude of the contact force, the preload included [N, or unit].
         in_contact: False where a push lifts the finger off, by push and draw.
     """

@@ -149,7 +149,7 @@ def sd_of(row: ToldPush, question: Question) -> Float[np.ndarray, " c"] | None:
     """Noise of the heights of a push: what repeats scatter by is the least it can be.
 
     Returns:
-        Standard deviations by channel; None where none is stated [unit].
+        Standard deviations by channel; None where none is stated [table unit].
     """
     sigma, channels = question.sigma, question.channels
     if row.sd is None:

@@ -68,7 +68,7 @@ def residual_figure(
 
     Args:
         residuals: (observation - prediction)/sigma.
-        predicted: Best-fit height of each residual [unit].
+        predicted: Best-fit height of each residual [table unit].
         theta_deg: Elevation of each residual [deg].
         alpha_deg: Azimuth of each residual [deg].
         row: Row of the table of each residual, the order in time.

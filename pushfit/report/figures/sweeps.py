@@ -50,13 +50,13 @@ class Sweep:
     Args:
         fixed_deg: The other angle [deg].
         angle_deg: Swept angle of each measured push [deg].
-        height: Their heights [unit].
-        sd: Standard deviations of them; NaN where unknown [unit].
+        height: Their heights [table unit].
+        sd: Standard deviations of them; NaN where unknown [table unit].
         is_used: False for pushes that were left out of the fit.
         grid_deg: Swept angle of the predictions [deg]; empty if there are none.
-        lower: Lower end of the credible band; empty if there is none [unit].
-        upper: Upper end of the credible band; empty if there is none [unit].
-        best_fit: Least-squares predictions [unit].
+        lower: Lower end of the credible band; empty if there is none [table unit].
+        upper: Upper end of the credible band; empty if there is none [table unit].
+        best_fit: Least-squares predictions [table unit].
     """
 
     fixed_deg: float

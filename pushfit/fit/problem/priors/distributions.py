@@ -96,7 +96,7 @@ def default_priors(stiffness_scale: float | None) -> dict[str, Prior]:
     Args:
         stiffness_scale: Normal series stiffness that the tallest height suggests, for
             heights in sensor units, where no stiffness in N/m can be guessed
-            [sensor units per m]; None for heights in newtons.
+            [table unit/m]; None for heights in newtons.
     """
     names = [n for n, p in PARAMETERS.items() if p.prior and n not in OF_GRASP]
     priors = {name: default_prior(name) for name in names}
