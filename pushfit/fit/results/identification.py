@@ -35,7 +35,7 @@ class MechanicsAnswer:
             the same pushes and noise as that of the leading mechanics.
         log_evidence_error: Its standard error.
         rms_residual: Root mean square of heights less those of the best fit, whatever
-            noise they have by it; None in results of earlier versions [table unit].
+            noise they have by it; None in results of earlier versions [height unit].
     """
 
     mechanics: str
