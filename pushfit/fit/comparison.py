@@ -18,13 +18,16 @@ from pushfit.config import GraspConfig
 from pushfit.config.rivals import NOISES, rival_configs
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import DataError, check_seed
-from pushfit.fit.checks.model_checking import goodness_of_fit
-from pushfit.fit.checks.predictive import predictive_checks
 from pushfit.fit.checks.push_densities import PushDensities, push_densities
 from pushfit.fit.checks.table_checks import WRONG, table_warnings
 from pushfit.fit.identify.beside import Beside
 from pushfit.fit.identify.by_mechanics import fitted_by_leading
-from pushfit.fit.identify.fitted import Fitted, Listener, draw_posterior
+from pushfit.fit.identify.fitted import (
+    Fitted,
+    Listener,
+    draw_posterior,
+    goodness_of,
+)
 from pushfit.fit.identify.progress import Progress, Stages
 from pushfit.fit.problem.noise import with_plain_noise
 from pushfit.fit.problem.repeats.effects import both_ways, is_crossed
@@ -280,23 +283,11 @@ def _score(name: str, fitted: Fitted, seed: int) -> ModelScore:
     problem, n_pushes = fitted.setup.problem, len(fitted.setup.rows)
     posterior = draw_posterior(fitted, seed=seed, engine="auto")
     is_trusted = posterior.status is FitStatus.OK
-    quality = goodness_of_fit(
-        fitted.table,
-        fitted.fit,
-        fitted.setup.noise,
-        seed=seed,
-        predictive=predictive_checks(fitted.table, fitted.setup, posterior, seed=seed),
-        is_scattered=fitted.is_scattered,
-        likelihood=fitted.setup.problem.likelihood,
-    )
+    quality = goodness_of(fitted, posterior, seed=seed)
     densities = None
     # No push that has something in common with others can be left out by itself.
     if is_trusted and problem.shared is None:
-        densities = push_densities(
-            problem,
-            posterior.samples,
-            n_pushes=n_pushes,
-        )
+        densities = push_densities(problem, posterior.samples, n_pushes=n_pushes)
     return ModelScore(
         name=name,
         sharpness=None if "p" in problem.priors else float(problem.grasp.sharpness),

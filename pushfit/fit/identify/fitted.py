@@ -3,7 +3,7 @@
 Excluded: the judgement (`pushfit.fit.identify.identify_table`).
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -21,6 +21,9 @@ from pushfit.fit.assess.warnings import (
     lost_contact_rows,
     scatter_warning,
 )
+from pushfit.fit.checks.leave_one_out import LeftOut
+from pushfit.fit.checks.model_checking import goodness_of_fit
+from pushfit.fit.checks.predictive import predictive_checks
 from pushfit.fit.checks.table_checks import table_warnings
 from pushfit.fit.checks.violations import (
     Violation,
@@ -42,6 +45,7 @@ from pushfit.fit.profiles.least_squares import (
 from pushfit.fit.results import (
     FitResult,
     FitStatus,
+    GoodnessOfFit,
     LikelihoodProfile,
     PosteriorResult,
     ResultWarning,
@@ -79,11 +83,6 @@ class Fitted:
     def mechanics(self) -> str:
         """Name of the mechanics of the fit."""
         return self.setup.problem.grasp.mechanics
-
-    @property
-    def is_scattered(self) -> bool:
-        """Whether noise is of the residuals, which that stated does not explain."""
-        return any(warning.code == SCATTERED for warning in self.warnings)
 
     @cached_property
     def slopes(self) -> Float[np.ndarray, "2 2 c n"]:
@@ -245,6 +244,28 @@ def sweep(fitted: Fitted, seed: int) -> PosteriorResult:
         seed=seed,
         reference_alpha=fitted.reference_alpha,
         reach=reach_of(fitted.config),
+    )
+
+
+def goodness_of(
+    fitted: Fitted,
+    posterior: PosteriorResult,
+    *,
+    seed: int,
+    contradicted: Sequence[str] = (),
+    left_out: Sequence[LeftOut] = (),
+) -> GoodnessOfFit:
+    """How well a fit describes its heights; see `goodness_of_fit`."""
+    return goodness_of_fit(
+        fitted.table,
+        fitted.fit,
+        fitted.setup.noise,
+        seed=seed,
+        predictive=predictive_checks(fitted.table, fitted.setup, posterior, seed=seed),
+        contradicted=contradicted,
+        left_out=left_out,
+        is_scattered=any(warning.code == SCATTERED for warning in fitted.warnings),
+        likelihood=fitted.setup.problem.likelihood,
     )
 
 

@@ -26,8 +26,7 @@ from pushfit.fit.assess.warnings import (
     result_warnings,
 )
 from pushfit.fit.checks.leave_one_out import LeftOut, unpredicted
-from pushfit.fit.checks.model_checking import contradicted_quantities, goodness_of_fit
-from pushfit.fit.checks.predictive import predictive_checks
+from pushfit.fit.checks.model_checking import contradicted_quantities
 from pushfit.fit.checks.push_order import follows_elevation
 from pushfit.fit.checks.table_checks import WRONG
 from pushfit.fit.checks.tilt_check import implied_tilt_deg, tilt_warning
@@ -37,7 +36,13 @@ from pushfit.fit.identify.by_mechanics import (
     mechanics_answer,
     profiles_of,
 )
-from pushfit.fit.identify.fitted import Fitted, Listener, check_engine, draw_posterior
+from pushfit.fit.identify.fitted import (
+    Fitted,
+    Listener,
+    check_engine,
+    draw_posterior,
+    goodness_of,
+)
 from pushfit.fit.identify.other_readings import other_reading
 from pushfit.fit.identify.progress import Stages, stages_of
 from pushfit.fit.profiles.conditional_likelihood import imposable
@@ -219,16 +224,8 @@ def _judged(
 
     None is looked for where nothing is strange, or the table cannot be right anyway.
     """
-    goodness = goodness_of_fit(
-        fitted.table,
-        fitted.fit,
-        fitted.setup.noise,
-        seed=seed,
-        predictive=predictive_checks(fitted.table, fitted.setup, posterior, seed=seed),
-        contradicted=contradicted,
-        left_out=left_out,
-        is_scattered=fitted.is_scattered,
-        likelihood=fitted.setup.problem.likelihood,
+    goodness = goodness_of(
+        fitted, posterior, seed=seed, contradicted=contradicted, left_out=left_out
     )
     # Without a stated noise, or repeats, any table is adequate.
     is_strange = (
